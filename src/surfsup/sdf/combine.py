@@ -1,0 +1,74 @@
+"""Solids made of solids: union, intersection, difference.
+
+The minimum of two distances is the true distance outside a union; inside it, and everywhere for
+intersections and differences, it is only a bound (never too large in size), with exact sign and zero set.
+"""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor, nn
+
+from surfsup.errors import InputError
+from surfsup.sdf.surface import Surface
+
+
+class Union(Surface):
+    """All that is in any of ``parts``: true distance outside, a bound inside."""
+
+    def __init__(self, *parts: Surface) -> None:
+        super().__init__()
+        self.parts = at_least_one("union", parts)
+
+    def distance(self, points: Tensor) -> Tensor:
+        """The smallest of the parts' distances (N,)."""
+        return torch.stack([part.distance(points) for part in self.parts]).amin(dim=0)
+
+    def bounds(self) -> Tensor:
+        """The box around all parts (2, 3)."""
+        boxes = torch.stack([part.bounds() for part in self.parts])
+        return torch.stack([boxes[:, 0].amin(dim=0), boxes[:, 1].amax(dim=0)])
+
+
+class Intersection(Surface):
+    """Only what is in every one of ``parts``: a bound on the distance."""
+
+    def __init__(self, *parts: Surface) -> None:
+        super().__init__()
+        self.parts = at_least_one("intersection", parts)
+
+    def distance(self, points: Tensor) -> Tensor:
+        """The largest of the parts' distances (N,)."""
+        return torch.stack([part.distance(points) for part in self.parts]).amax(dim=0)
+
+    def bounds(self) -> Tensor:
+        """What the boxes of all parts share (2, 3); empty where lower > upper."""
+        boxes = torch.stack([part.bounds() for part in self.parts])
+        return torch.stack([boxes[:, 0].amax(dim=0), boxes[:, 1].amin(dim=0)])
+
+
+class Difference(Surface):
+    """``base`` with ``cut`` taken away: a bound on the distance."""
+
+    def __init__(self, base: Surface, cut: Surface) -> None:
+        super().__init__()
+        self.base, self.cut = base, cut
+
+    def distance(self, points: Tensor) -> Tensor:
+        """Distance to what is inside ``base`` and outside ``cut`` (N,)."""
+        return torch.maximum(self.base.distance(points), -self.cut.distance(points))
+
+    def bounds(self) -> Tensor:
+        """The box of ``base`` (2, 3)."""
+        return self.base.bounds()
+
+
+def at_least_one(operation: str, parts: tuple[Surface, ...]) -> nn.ModuleList:
+    """The parts as a module list.
+
+    Raises:
+        InputError: there are none.
+    """
+    if not parts:
+        raise InputError(f"{operation}: has no parts; list at least one surface")
+    return nn.ModuleList(parts)

@@ -1,0 +1,145 @@
+"""Five solids with an exact distance in closed form, each centred on its own origin, its axis along z.
+
+The forms are those collected by Inigo Quilez ("Distance functions", the resource that section 5.1 of the
+SURFSUP supplement names). Sizes are metres; each may be a number or a scalar tensor that records gradients.
+"""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor
+
+from surfsup.errors import InputError
+from surfsup.sdf.surface import Surface
+
+
+class Sphere(Surface):
+    """A ball of ``radius``."""
+
+    def __init__(self, radius: float | Tensor) -> None:
+        super().__init__()
+        self.register_buffer("radius", positive("sphere", "radius", radius))
+
+    def distance(self, points: Tensor) -> Tensor:
+        """Exact signed distance (N,)."""
+        return length(points) - self.radius
+
+    def bounds(self) -> Tensor:
+        """The cube around the ball (2, 3)."""
+        return symmetric_bounds(self.radius, self.radius, self.radius)
+
+
+class Box(Surface):
+    """A box with the three side lengths ``size`` along x, y and z."""
+
+    def __init__(self, size: tuple[float, float, float] | Tensor) -> None:
+        super().__init__()
+        self.register_buffer("size", positive("box", "size", size, shape=(3,)))
+
+    def distance(self, points: Tensor) -> Tensor:
+        """Exact signed distance (N,)."""
+        beyond = points.abs() - self.size / 2
+        return length(beyond.clamp(min=0)) + beyond.amax(dim=-1).clamp(max=0)
+
+    def bounds(self) -> Tensor:
+        """The box itself (2, 3)."""
+        return symmetric_bounds(*(self.size / 2))
+
+
+class Cylinder(Surface):
+    """A cylinder of ``radius`` and total ``height`` along z."""
+
+    def __init__(self, radius: float | Tensor, height: float | Tensor) -> None:
+        super().__init__()
+        self.register_buffer("radius", positive("cylinder", "radius", radius))
+        self.register_buffer("height", positive("cylinder", "height", height))
+
+    def distance(self, points: Tensor) -> Tensor:
+        """Exact signed distance (N,)."""
+        beyond = torch.stack(
+            [length(points[:, :2]) - self.radius, points[:, 2].abs() - self.height / 2], dim=-1
+        )
+        return length(beyond.clamp(min=0)) + beyond.amax(dim=-1).clamp(max=0)
+
+    def bounds(self) -> Tensor:
+        """The box around the cylinder (2, 3)."""
+        return symmetric_bounds(self.radius, self.radius, self.height / 2)
+
+
+class CappedCone(Surface):
+    """A cone frustum along z: ``bottom_radius`` at -height/2, ``top_radius`` at +height/2."""
+
+    def __init__(
+        self, height: float | Tensor, bottom_radius: float | Tensor, top_radius: float | Tensor = 0.01
+    ) -> None:
+        super().__init__()
+        self.register_buffer("height", positive("cone", "height", height))
+        self.register_buffer("bottom_radius", positive("cone", "bottom_radius", bottom_radius))
+        self.register_buffer("top_radius", positive("cone", "top_radius", top_radius))
+
+    def distance(self, points: Tensor) -> Tensor:
+        """Exact signed distance (N,)."""
+        half = self.height / 2
+        radial, axial = length(points[:, :2]), points[:, 2]
+        cap_radius = torch.where(axial < 0, self.bottom_radius, self.top_radius)
+        to_cap = torch.stack([(radial - cap_radius).clamp(min=0), axial.abs() - half], dim=-1)
+
+        # The side is the segment from the bottom rim to the top rim in the (radial, axial) half plane.
+        along = torch.stack([self.top_radius - self.bottom_radius, 2 * half])
+        from_bottom = torch.stack([radial - self.bottom_radius, axial + half], dim=-1)
+        fraction = (from_bottom @ along / (along @ along)).clamp(0, 1)
+        to_side = from_bottom - fraction[:, None] * along
+
+        inside = (to_side[:, 0] < 0) & (to_cap[:, 1] < 0)
+        nearest = torch.minimum(length(to_cap), length(to_side))
+        return torch.where(inside, -nearest, nearest)
+
+    def bounds(self) -> Tensor:
+        """The box around the cone (2, 3)."""
+        widest = torch.maximum(self.bottom_radius, self.top_radius)
+        return symmetric_bounds(widest, widest, self.height / 2)
+
+
+class Torus(Surface):
+    """A ring around z: a circle of ``minor_radius`` swept at ``major_radius`` from the axis."""
+
+    def __init__(self, major_radius: float | Tensor, minor_radius: float | Tensor) -> None:
+        super().__init__()
+        self.register_buffer("major_radius", positive("torus", "major_radius", major_radius))
+        self.register_buffer("minor_radius", positive("torus", "minor_radius", minor_radius))
+
+    def distance(self, points: Tensor) -> Tensor:
+        """Exact signed distance (N,), as long as minor_radius <= major_radius."""
+        from_circle = torch.stack([length(points[:, :2]) - self.major_radius, points[:, 2]], dim=-1)
+        return length(from_circle) - self.minor_radius
+
+    def bounds(self) -> Tensor:
+        """The box around the ring (2, 3)."""
+        outer = self.major_radius + self.minor_radius
+        return symmetric_bounds(outer, outer, self.minor_radius)
+
+
+def length(vectors: Tensor) -> Tensor:
+    """Euclidean length over the last axis; its gradient at zero is zero, not NaN."""
+    return torch.linalg.vector_norm(vectors, dim=-1)
+
+
+def symmetric_bounds(x: Tensor, y: Tensor, z: Tensor) -> Tensor:
+    """The box (2, 3) from (-x, -y, -z) to (x, y, z)."""
+    corner = torch.stack([x, y, z])
+    return torch.stack([-corner, corner])
+
+
+def positive(shape_name: str, name: str, value: object, shape: tuple[int, ...] = ()) -> Tensor:
+    """``value`` as a float tensor of ``shape``, every entry finite and above zero.
+
+    Raises:
+        InputError: naming the shape and the parameter when it is not.
+    """
+    tensor = torch.as_tensor(value)
+    tensor = tensor if tensor.is_floating_point() else tensor.float()
+    if tuple(tensor.shape) != shape or not bool(torch.isfinite(tensor).all() and (tensor > 0).all()):
+        wanted = "a positive number" if shape == () else f"{shape[0]} positive numbers"
+        given = tensor.tolist()
+        raise InputError(f"{shape_name}: {name} is {given}, but must be {wanted} of metres")
+    return tensor

@@ -1,0 +1,43 @@
+"""The one interface of every solid: its signed distance."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+
+import torch
+from torch import Tensor, nn
+
+
+class Surface(nn.Module, ABC):
+    """A solid given by its signed distance function, negative inside.
+
+    A surface is a torch module, so that shape parameters move between devices with ``.to`` and
+    collect gradients. Lengths are metres. Where a subclass says that its value is only a bound,
+    the zero set and the sign are still exact and the value is never larger in size than the distance.
+    """
+
+    @abstractmethod
+    def distance(self, points: Tensor) -> Tensor:
+        """Signed distance of ``points`` (N, 3) in metres, as (N,); negative inside the solid."""
+
+    @abstractmethod
+    def bounds(self) -> Tensor:
+        """Lower and upper corner (2, 3) of an axis-aligned box that holds the solid, in metres."""
+
+    def distance_and_normal(self, points: Tensor) -> tuple[Tensor, Tensor]:
+        """Signed distance (N,) and its unit gradient (N, 3), which points out of the solid.
+
+        The normal is zero where the distance has no gradient (the centre of a sphere). Both results are
+        differentiable in the points and in the shape's parameters while gradients are being recorded.
+        """
+        recording = torch.is_grad_enabled()
+        with torch.enable_grad():
+            query = points if points.requires_grad else points.detach().requires_grad_()
+            distance = self.distance(query)
+            (gradient,) = torch.autograd.grad(distance.sum(), query, create_graph=recording)
+        normal = nn.functional.normalize(gradient, dim=-1)
+        return (distance, normal) if recording else (distance.detach(), normal)
+
+    def forward(self, points: Tensor) -> Tensor:
+        """The same as :meth:`distance`."""
+        return self.distance(points)
