@@ -1,0 +1,30 @@
+# `make demo` and `make test` set up everything that they need, once, in .venv; see docs/install.md.
+# PYTHON=/path/to/python3.12 chooses the interpreter.
+PYTHON ?=
+export PYTHON
+
+.PHONY: help demo test setup clean
+help:
+	@echo "make demo    water on a knot: a page and a video in out/demo"
+	@echo "make test    the linter and all tests"
+	@echo "make setup   only what these two need: .venv and the system libraries"
+	@echo "make clean   remove .venv and what demo and tests left"
+
+# Without the system libraries there are no pictures, but the water and the page can still be had.
+demo: .venv/ready
+	@video=; scripts/system-libraries || video=--no-video; \
+	.venv/bin/surfsup simulate examples/knot.obj -o out/demo $$video
+
+# Two processes at most, of one thread each: the threads of torch in several processes only get in each other's way.
+test: setup
+	.venv/bin/python -m ruff check .
+	OMP_NUM_THREADS=1 .venv/bin/python -m pytest -n 2
+
+setup: .venv/ready
+	@scripts/system-libraries
+
+.venv/ready: pyproject.toml scripts/setup
+	@scripts/setup
+
+clean:
+	rm -rf .venv out .pytest_cache .ruff_cache .hypothesis
