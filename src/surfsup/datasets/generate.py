@@ -1,0 +1,132 @@
+"""A data set: many scenes of one recipe, simulated by the reference solver, one file each."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor, as_completed
+from pathlib import Path
+
+import numpy as np
+import torch
+import yaml
+
+from surfsup import __version__
+from surfsup.datasets import prim_shapes
+from surfsup.errors import InputError
+from surfsup.reference import solver
+from surfsup.scene import Scene
+from surfsup.trajectory import Provenance, Trajectory, TrajectoryWriter
+
+RECIPES: dict[str, Callable[[int, np.random.Generator], Scene]] = {"prim-shapes": prim_shapes.scene}
+
+
+def recipe_scene(recipe: str, seed: int, index: int) -> Scene:
+    """Scene ``index`` of the data set ``recipe`` that starts from ``seed``; the same arguments, the same scene.
+
+    Raises:
+        InputError: there is no such recipe.
+    """
+    if recipe not in RECIPES:
+        raise InputError(f"there is no recipe '{recipe}'; known are {', '.join(RECIPES)}")
+    return RECIPES[recipe](index, np.random.default_rng([seed, index]))
+
+
+def generate(
+    recipe: str,
+    folder: Path,
+    count: int,
+    seed: int,
+    workers: int,
+    progress: Callable[[int, int], None] | None = None,
+) -> list[Path]:
+    """Simulate ``count`` scenes of ``recipe`` into ``folder``; those already there are kept.
+
+    Args:
+        recipe: which scenes.
+        folder: gets one trajectory file a scene and ``dataset.yaml``.
+        count: how many scenes.
+        seed: with the scene's number it decides everything about the scene.
+        workers: simulations side by side, each on one core.
+        progress: told how many of how many scenes are done.
+
+    Returns:
+        The trajectory files in order.
+
+    Raises:
+        InputError: no such recipe, nothing to make, or the folder holds another data set.
+    """
+    if count < 1 or workers < 1:
+        raise InputError(f"generate: asked for {count} scenes by {workers} workers; both must be at least 1")
+    recipe_scene(recipe, seed, 0)
+    folder.mkdir(parents=True, exist_ok=True)
+    claim_folder(folder, recipe, seed)
+    paths = [folder / f"{index:05d}.h5" for index in range(count)]
+    missing = [index for index, path in enumerate(paths) if not path.exists()]
+    done = count - len(missing)
+    # A simulation is a process of its own; the thread that waits for it costs nothing.
+    with ThreadPoolExecutor(workers) as pool:
+        running = [pool.submit(simulate_one, recipe, seed, index, paths[index]) for index in missing]
+        try:
+            for finished in as_completed(running):
+                finished.result()
+                done += 1
+                if progress is not None:
+                    progress(done, count)
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise
+    return paths
+
+
+def claim_folder(folder: Path, recipe: str, seed: int) -> None:
+    """Write what ``folder`` is for, or check that it is for just this.
+
+    Raises:
+        InputError: it holds another recipe or seed.
+    """
+    path = folder / "dataset.yaml"
+    wanted = {"recipe": recipe, "seed": seed, "solver": solver.NAME, "version": __version__}
+    if not path.exists():
+        path.write_text(yaml.safe_dump(wanted, sort_keys=False))
+        return
+    found = yaml.safe_load(path.read_text())
+    if (found.get("recipe"), found.get("seed")) != (recipe, seed):
+        raise InputError(
+            f"{folder}: holds recipe '{found.get('recipe')}' of seed {found.get('seed')}; "
+            f"take another folder for '{recipe}' of seed {seed}"
+        )
+
+
+def simulate_one(recipe: str, seed: int, index: int, path: Path) -> None:
+    """Simulate one scene into ``path``, which appears only when it is whole and sound."""
+    scene = recipe_scene(recipe, seed, index)
+    surface = scene.build_surface()
+    start = scene.start(surface)
+    partial = path.with_suffix(".partial")
+    provenance = Provenance(solver.NAME, seed)
+    with TrajectoryWriter(partial, scene, provenance, len(start.positions)) as writer:
+        for positions, velocities in solver.simulate(scene, surface, start):
+            writer.append(positions, velocities)
+    check(partial)
+    partial.rename(path)
+
+
+def check(path: Path) -> None:
+    """Refuse a trajectory that is not physical.
+
+    Raises:
+        InputError: a value is not finite, or a particle is inside the solid or outside the container.
+    """
+    with Trajectory(path) as trajectory:
+        surface = trajectory.scene.build_surface()
+        container = trajectory.scene.container
+        positions = np.asarray(trajectory.positions)
+    if not np.isfinite(positions).all():
+        raise InputError(f"{path}: the solver's positions are not finite")
+    if (positions < container.lower).any() or (positions > container.upper).any():
+        raise InputError(f"{path}: the solver let particles out of the container")
+    if surface is not None:
+        with torch.no_grad():
+            distances = [float(surface.distance(torch.from_numpy(frame)).min()) for frame in positions[::10]]
+        if min(distances) < 0:
+            raise InputError(f"{path}: the solver let particles {-min(distances):.3g} m into the solid")

@@ -1,0 +1,19 @@
+"""Scenes: a surface and blocks of fluid in a container."""
+
+from surfsup.scene.fluid import PARTICLE_RADIUS, SPACING, Block, Fluid, Start
+from surfsup.scene.scene import FRAME_TIME, SURFACE_CLEARANCE, WALL_CLEARANCE, Container, Scene
+from surfsup.scene.shapes import Shape
+
+__all__ = [
+    "FRAME_TIME",
+    "PARTICLE_RADIUS",
+    "SPACING",
+    "SURFACE_CLEARANCE",
+    "WALL_CLEARANCE",
+    "Block",
+    "Container",
+    "Fluid",
+    "Scene",
+    "Shape",
+    "Start",
+]
