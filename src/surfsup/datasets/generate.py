@@ -17,18 +17,27 @@ from surfsup.reference import solver
 from surfsup.scene import Scene
 from surfsup.trajectory import Provenance, Trajectory, TrajectoryWriter
 
+ATTEMPTS = 5  # scenes drawn for one index before it is given up
+
 RECIPES: dict[str, Callable[[int, np.random.Generator], Scene]] = {"prim-shapes": prim_shapes.scene}
 
 
-def recipe_scene(recipe: str, seed: int, index: int) -> Scene:
+def recipe_scene(recipe: str, seed: int, index: int, attempt: int = 0) -> Scene:
     """Scene ``index`` of the data set ``recipe`` that starts from ``seed``; the same arguments, the same scene.
+
+    Args:
+        recipe: which recipe.
+        seed: of the data set.
+        index: of the scene in it.
+        attempt: counts the scenes of this index whose simulations were set aside.
 
     Raises:
         InputError: there is no such recipe.
     """
     if recipe not in RECIPES:
         raise InputError(f"there is no recipe '{recipe}'; known are {', '.join(RECIPES)}")
-    return RECIPES[recipe](index, np.random.default_rng([seed, index]))
+    entropy = [seed, index] if attempt == 0 else [seed, index, attempt]
+    return RECIPES[recipe](index, np.random.default_rng(entropy))
 
 
 def generate(
@@ -98,35 +107,48 @@ def claim_folder(folder: Path, recipe: str, seed: int) -> None:
 
 
 def simulate_one(recipe: str, seed: int, index: int, path: Path) -> None:
-    """Simulate one scene into ``path``, which appears only when it is whole and sound."""
-    scene = recipe_scene(recipe, seed, index)
-    surface = scene.build_surface()
-    start = scene.start(surface)
-    partial = path.with_suffix(".partial")
-    provenance = Provenance(solver.NAME, seed)
-    with TrajectoryWriter(partial, scene, provenance, len(start.positions)) as writer:
-        for positions, velocities in solver.simulate(scene, surface, start):
-            writer.append(positions, velocities)
-    check(partial)
-    partial.rename(path)
+    """Simulate one scene into ``path``, which appears only when it is whole and sound.
 
-
-def check(path: Path) -> None:
-    """Refuse a trajectory that is not physical.
+    A scene whose simulation is not physical is set aside, its reason kept in a file beside ``path``, and another is
+    drawn in its place.
 
     Raises:
-        InputError: a value is not finite, or a particle is inside the solid or outside the container.
+        SolverError: no scene of this index could be simulated.
     """
+    reasons: list[str] = []
+    partial = path.with_suffix(".partial")
+    while len(reasons) < ATTEMPTS:
+        scene = recipe_scene(recipe, seed, index, attempt=len(reasons))
+        surface = scene.build_surface()
+        start = scene.start(surface)
+        provenance = Provenance(solver.NAME, seed)
+        with TrajectoryWriter(partial, scene, provenance, len(start.positions)) as writer:
+            for positions, velocities in solver.simulate(scene, surface, start):
+                writer.append(positions, velocities)
+        reason = what_is_wrong(partial)
+        if reason is None:
+            partial.rename(path)
+            return
+        reasons.append(reason)
+        path.with_suffix(".set-aside.txt").write_text("\n".join(reasons) + "\n")
+    partial.unlink()
+    raise solver.SolverError(f"{path}: {ATTEMPTS} scenes in a row were set aside, the last because {reasons[-1]}")
+
+
+def what_is_wrong(path: Path) -> str | None:
+    """Why the trajectory in ``path`` is not physical: a value not finite, a particle inside the solid or outside."""
     with Trajectory(path) as trajectory:
         surface = trajectory.scene.build_surface()
         container = trajectory.scene.container
-        positions = np.asarray(trajectory.positions)
-    if not np.isfinite(positions).all():
-        raise InputError(f"{path}: the solver's positions are not finite")
-    if (positions < container.lower).any() or (positions > container.upper).any():
-        raise InputError(f"{path}: the solver let particles out of the container")
+        positions = torch.from_numpy(trajectory.positions[:])
+    if not bool(torch.isfinite(positions).all()):
+        return "a position is not finite"
+    lower, upper = torch.tensor(container.lower), torch.tensor(container.upper)
+    if bool((positions < lower).any() or (positions > upper).any()):
+        return "a particle left the container"
     if surface is not None:
         with torch.no_grad():
-            distances = [float(surface.distance(torch.from_numpy(frame)).min()) for frame in positions[::10]]
-        if min(distances) < 0:
-            raise InputError(f"{path}: the solver let particles {-min(distances):.3g} m into the solid")
+            deepest = min(float(surface.distance(frame).min()) for frame in positions)
+        if deepest < 0:
+            return f"a particle was {-deepest:.3g} m inside the solid"
+    return None

@@ -80,7 +80,7 @@ def run_child(
             if count != particles:
                 raise SolverError(f"the solver started with {count} particles instead of {particles}")
             values = np.frombuffer(data, dtype=np.float32).reshape(2, particles, 3)
-            yield values[0], values[1]
+            yield values[0].copy(), values[1].copy()
         child.wait()
     finally:
         child.kill()

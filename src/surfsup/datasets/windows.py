@@ -1,0 +1,97 @@
+"""What training reads: a few frames in a row of one scene, moved by the container's symmetries."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from surfsup.errors import InputError
+from surfsup.model.state import State, Surroundings
+from surfsup.sdf import Transformed
+from surfsup.trajectory import Trajectory
+
+EARLY_FRAMES = 320  # falls, impacts and sloshing happen here
+EARLY_SHARE = 0.6  # of the windows that start there
+
+
+@dataclass(frozen=True)
+class Window:
+    """Consecutive frames of one scene.
+
+    Attributes:
+        state: the fluid at the first of them.
+        positions: (K, N, 3) of the K frames that follow, metres.
+        velocities: (K, N, 3), m/s.
+        around: container, solid and gravity.
+    """
+
+    state: State
+    positions: Tensor
+    velocities: Tensor
+    around: Surroundings
+
+    def seen_through(self, matrix: Tensor) -> Window:
+        """The same window turned or mirrored by an orthogonal ``matrix`` that maps the container onto itself."""
+        around = self.around
+        surface = None if around.surface is None else Transformed(around.surface, matrix)
+        return Window(
+            State(*(value @ matrix.T for value in vars(self.state).values())),
+            self.positions @ matrix.T,
+            self.velocities @ matrix.T,
+            Surroundings(surface, around.lower, around.upper, matrix @ around.gravity),
+        )
+
+
+class Windows:
+    """Random windows of a folder of trajectories."""
+
+    def __init__(self, folder: Path) -> None:
+        """Open every trajectory in ``folder``.
+
+        Raises:
+            InputError: there is none.
+        """
+        self.paths = sorted(folder.glob("*.h5"))
+        if not self.paths:
+            raise InputError(f"{folder}: has no trajectories (*.h5); make some with 'surfsup generate'")
+        self._trajectories = [Trajectory(path) for path in self.paths]
+        self._surroundings = [
+            Surroundings.of(trajectory.scene, trajectory.scene.build_surface())
+            for trajectory in self._trajectories
+        ]
+
+    def __len__(self) -> int:
+        """The number of trajectories."""
+        return len(self._trajectories)
+
+    def draw(self, random: np.random.Generator, frames: int) -> Window:
+        """A window of ``frames`` frames after its first, of a random scene, place in time and symmetry."""
+        scene = int(random.integers(len(self)))
+        trajectory, around = self._trajectories[scene], self._surroundings[scene]
+        last = len(trajectory) - 1 - frames
+        early = random.random() < EARLY_SHARE
+        first = int(random.integers(1, min(EARLY_FRAMES, last) if early else last))
+        positions = torch.from_numpy(trajectory.positions[first - 1 : first + 1 + frames])
+        velocities = torch.from_numpy(trajectory.velocities[first - 1 : first + 1 + frames])
+        return window(positions, velocities, around).seen_through(symmetry(random))
+
+
+def window(positions: Tensor, velocities: Tensor, around: Surroundings) -> Window:
+    """The window of frames (K + 2, N, 3), of which the first is only the past of the state."""
+    state = State(
+        positions[1], velocities[1], positions[1] - positions[0], velocities[1] - velocities[0]
+    )
+    return Window(state, positions[2:], velocities[2:], around)
+
+
+def symmetry(random: np.random.Generator) -> Tensor:
+    """One of the eight symmetries (3, 3) of a square floor: turns and mirrorings that keep z."""
+    matrix = torch.eye(3)
+    if random.random() < 0.5:
+        matrix = matrix[[1, 0, 2]]
+    signs = torch.tensor([*random.choice([-1.0, 1.0], size=2), 1.0], dtype=torch.float32)
+    return matrix * signs[:, None]

@@ -1,0 +1,106 @@
+"""Rollouts of a model beside the truth, and what the difference comes to."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from surfsup.evaluation.metrics import centre_height, chamfer, kinetic_energy
+from surfsup.model.simulator import Simulator
+from surfsup.model.state import State, Surroundings
+from surfsup.trajectory import Trajectory
+
+
+@dataclass(frozen=True)
+class Scores:
+    """Means over scenes of one model's rollouts.
+
+    Attributes:
+        chamfer: plain, metres, mean over frames.
+        chamfer_squared: of squared distances, square metres.
+        height_error: mean absolute error of the height of the centre of mass, metres.
+        energy_ratio: kinetic energy summed over the frames, predicted over true.
+        inside: particles inside the solid, summed over frames and scenes.
+        outside: particles outside the container, likewise.
+        guarded: share of particles that the guard moved in a frame.
+    """
+
+    chamfer: float
+    chamfer_squared: float
+    height_error: float
+    energy_ratio: float
+    inside: int
+    outside: int
+    guarded: float
+
+    @property
+    def rank(self) -> float:
+        """What checkpoints are chosen by, smaller is better: Chamfer, and energy and height so far as they are off."""
+        if not math.isfinite(self.chamfer):
+            return math.inf
+        return self.chamfer + 0.2 * self.height_error + 0.02 * abs(math.log(max(self.energy_ratio, 1e-3)))
+
+
+@torch.no_grad()
+def rollout_scores(model: Simulator, truth: Trajectory, frames: int, every: int = 1, guarded: bool = True) -> Scores:
+    """Roll the model out from the start of ``truth`` and score ``frames`` frames of it.
+
+    Args:
+        model: the simulator.
+        truth: what the reference solver made of the scene.
+        frames: how many, at most those of ``truth``.
+        every: Chamfer distances are taken at every so many-th frame; all else at each.
+        guarded: whether the guard against penetration is on.
+    """
+    surface = truth.scene.build_surface()
+    around = Surroundings.of(truth.scene, surface)
+    frames = min(frames, len(truth))
+    true_positions, true_velocities = truth.positions[:frames], truth.velocities[:frames]
+    state = State.in_free_fall(
+        torch.from_numpy(true_positions[0]), torch.from_numpy(true_velocities[0]), around.gravity
+    )
+    distances, heights, energy, true_energy = [], [], 0.0, 0.0
+    inside = outside = 0
+    guarded_share = 0.0
+    for frame, (now, moved) in enumerate(model.rollout(state, around, frames, guarded)):
+        positions, velocities = now.positions.numpy(), now.velocities.numpy()
+        if not np.isfinite(positions).all():
+            return Scores(math.nan, math.nan, math.nan, math.nan, inside, outside, math.nan)
+        if frame % every == 0:
+            distances.append(chamfer(positions, true_positions[frame]))
+        heights.append(abs(centre_height(positions) - centre_height(true_positions[frame])))
+        energy += kinetic_energy(velocities)
+        true_energy += kinetic_energy(true_velocities[frame])
+        guarded_share += float(moved.float().mean()) / frames
+        if surface is not None:
+            inside += int((surface.distance(now.positions) < 0).sum())
+        outside += int(((now.positions < around.lower) | (now.positions > around.upper)).any(dim=-1).sum())
+    return Scores(
+        float(np.mean([d.plain for d in distances])),
+        float(np.mean([d.squared for d in distances])),
+        float(np.mean(heights)),
+        energy / true_energy,
+        inside,
+        outside,
+        guarded_share,
+    )
+
+
+def judge(model: Simulator, folder: Path, scenes: int, frames: int) -> Scores:
+    """Mean scores over the first ``scenes`` trajectories of ``folder``; Chamfer at every fifth frame."""
+    every = []
+    for path in sorted(folder.glob("*.h5"))[:scenes]:
+        with Trajectory(path) as truth:
+            every.append(rollout_scores(model, truth, frames, every=5))
+    return mean_scores(every)
+
+
+def mean_scores(scores: list[Scores]) -> Scores:
+    """Means of what is an average, sums of what is a count."""
+    means = {name: float(np.mean([getattr(one, name) for one in scores])) for name in vars(scores[0])}
+    counts = {name: sum(getattr(one, name) for one in scores) for name in ("inside", "outside")}
+    return Scores(**{**means, **counts})

@@ -1,0 +1,135 @@
+"""A continuous convolution over particles with fixed kernels, as one sparse matrix product.
+
+An edge carries eight fixed kernels: two windows of the distance, each alone and times the three components of
+the direction. A layer is a learned mixture of the eight, so its cost is that of one sparse product:
+
+    out_i = sum_j sum_m k_m(x_j - x_i) (W_m h_j)
+"""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import dataclass
+from functools import cached_property
+
+import torch
+from torch import Tensor
+
+from surfsup.model.neighbours import Neighbourhood
+
+KERNELS = 8
+# Windows are even in the displacement, windows times a direction are odd.
+PARITY = (1.0, 1.0, -1.0, -1.0, -1.0, -1.0, -1.0, -1.0)
+
+
+@dataclass(frozen=True)
+class Graph:
+    """Edges and their kernels: all that the network sees of the particles' places.
+
+    Attributes:
+        neighbourhood: N particles, E directed edges.
+        kernels: (E, 8).
+    """
+
+    neighbourhood: Neighbourhood
+    kernels: Tensor
+
+    def __len__(self) -> int:
+        """The number of particles."""
+        return len(self.neighbourhood.starts) - 1
+
+    @cached_property
+    def gathering(self) -> Tensor:
+        """The sparse matrix (N, 8N) from the messages of each particle and kernel to their sums."""
+        near, count = self.neighbourhood, len(self)
+        columns = near.senders[:, None] * KERNELS + torch.arange(KERNELS, device=near.senders.device)
+        values = self.kernels.detach().flatten()
+        return sparse(near.starts * KERNELS, columns.flatten(), values, (count, count * KERNELS))
+
+    @cached_property
+    def spreading(self) -> Tensor:
+        """The transpose of :attr:`gathering`, (8N, N).
+
+        An edge and its reverse have the same kernels up to the sign of the odd ones, so the transpose has the rows
+        (particle, kernel) over the same neighbours, and needs no sorting.
+        """
+        near, count = self.neighbourhood, len(self)
+        kernel = torch.arange(KERNELS, device=near.senders.device)
+        degree = near.starts.diff()
+        rows = near.starts[:-1, None] * KERNELS + degree[:, None] * kernel
+        first = near.starts[:-1] * (KERNELS - 1)
+        place = first.index_select(0, near.receivers) + torch.arange(len(near.senders), device=kernel.device)
+        places = place[:, None] + degree.index_select(0, near.receivers)[:, None] * kernel
+        values = torch.empty(places.numel(), dtype=self.kernels.dtype, device=kernel.device)
+        values[places] = self.kernels.detach() * self.kernels.new_tensor(PARITY)
+        columns = torch.empty_like(near.senders).new_empty(places.numel())
+        columns[places] = near.senders[:, None].expand_as(places)
+        starts = torch.cat([rows.flatten(), near.starts[-1:] * KERNELS])
+        return sparse(starts, columns, values, (count * KERNELS, count))
+
+
+def sparse(starts: Tensor, columns: Tensor, values: Tensor, size: tuple[int, int]) -> Tensor:
+    """A compressed sparse row matrix; 32-bit indices are what the fast product takes."""
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message="Sparse CSR tensor support is in beta")
+        return torch.sparse_csr_tensor(starts.int(), columns.int(), values, size=size, check_invariants=False)
+
+
+def graph(positions: Tensor, neighbours: Neighbourhood, radius: float) -> Graph:
+    """The graph of ``positions`` (N, 3), its kernels differentiable in them; nothing reaches past ``radius``."""
+    displacement = (
+        positions.index_select(0, neighbours.senders) - positions.index_select(0, neighbours.receivers)
+    ) / radius
+    distance = torch.linalg.vector_norm(displacement, dim=-1, keepdim=True)
+    near = 0.5 * (1 - distance).clamp(min=0) ** 2
+    far = 2 * distance**2 * (1 - distance).clamp(min=0)
+    direction = displacement / distance.clamp(min=1e-6)
+    return Graph(neighbours, torch.cat([near, far, near * direction, far * direction], dim=-1))
+
+
+def join(graphs: list[Graph]) -> Graph:
+    """Several graphs side by side as one, with no edge between them."""
+    if len(graphs) == 1:
+        return graphs[0]
+    starts, receivers, senders, particles, edges = [], [], [], 0, 0
+    for part in graphs:
+        near = part.neighbourhood
+        starts.append(near.starts[:-1] + edges)
+        receivers.append(near.receivers + particles)
+        senders.append(near.senders + particles)
+        particles, edges = particles + len(part), edges + len(near.senders)
+    starts.append(torch.tensor([edges], device=starts[0].device))
+    merged = Neighbourhood(torch.cat(starts), torch.cat(receivers), torch.cat(senders))
+    return Graph(merged, torch.cat([part.kernels for part in graphs]))
+
+
+class Gather(torch.autograd.Function):
+    """The sum over neighbours and kernels, with both of its gradients written as sparse products."""
+
+    @staticmethod
+    def forward(
+        context: torch.autograd.function.FunctionCtx, mixed: Tensor, kernels: Tensor, graph: Graph
+    ) -> Tensor:
+        """(N, 8, C) messages of each sender and kernel -> (N, C) sums of each receiver.
+
+        ``kernels`` are those of ``graph``, named apart so that their gradient is asked for.
+        """
+        context.save_for_backward(mixed if context.needs_input_grad[1] else mixed.new_empty(0))
+        context.graph = graph
+        return graph.gathering @ mixed.flatten(0, 1)
+
+    @staticmethod
+    def backward(
+        context: torch.autograd.function.FunctionCtx, gradient: Tensor
+    ) -> tuple[Tensor | None, Tensor | None, None]:
+        """Gradients in the messages and, where asked for, in the kernels."""
+        graph, near = context.graph, context.graph.neighbourhood
+        to_mixed = to_kernels = None
+        if context.needs_input_grad[0]:
+            to_mixed = (graph.spreading @ gradient.contiguous()).unflatten(0, (len(graph), KERNELS))
+        if context.needs_input_grad[1]:
+            (mixed,) = context.saved_tensors
+            sent = mixed.index_select(0, near.senders)
+            received = gradient.index_select(0, near.receivers)
+            to_kernels = torch.bmm(sent, received[:, :, None]).squeeze(-1)
+        return to_mixed, to_kernels, None

@@ -1,0 +1,95 @@
+"""What the simulator knows of the fluid at the end of a frame, and of all that is around it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import torch
+from torch import Tensor
+
+from surfsup.scene import FRAME_TIME, Scene
+from surfsup.sdf import Surface
+
+SOLVER_STEPS = 5  # of 1 ms in a frame; the solver's semi-implicit Euler steps shape what a frame's data means
+STEP_TIME = FRAME_TIME / SOLVER_STEPS
+
+
+@dataclass(frozen=True)
+class State:
+    """The fluid at the end of a frame.
+
+    Attributes:
+        positions: (N, 3), metres.
+        velocities: (N, 3), m/s at the end of the frame, not the frame's mean.
+        displacement: (N, 3), metres moved in the last frame.
+        velocity_change: (N, 3), m/s gained in the last frame.
+    """
+
+    positions: Tensor
+    velocities: Tensor
+    displacement: Tensor
+    velocity_change: Tensor
+
+    @classmethod
+    def in_free_fall(cls, positions: Tensor, velocities: Tensor, gravity: Tensor) -> State:
+        """A state whose unseen last frame was a free fall, as at the start of every scene."""
+        return cls(
+            positions,
+            velocities,
+            FRAME_TIME * velocities - free_fall_lag(gravity),
+            (FRAME_TIME * gravity).expand_as(velocities),
+        )
+
+    def moved_to(self, positions: Tensor, velocities: Tensor) -> State:
+        """The state one frame later."""
+        return State(positions, velocities, positions - self.positions, velocities - self.velocities)
+
+    def detach(self) -> State:
+        """The same state without its gradients."""
+        return replace(self, **{name: value.detach() for name, value in vars(self).items()})
+
+
+def free_fall_lag(gravity: Tensor) -> Tensor:
+    """How far a free fall of one frame stays behind its end velocity times the frame time, metres.
+
+    With n semi-implicit steps of h: end velocity v, displacement n·h·v - (n(n-1)/2)·h²·g.
+    """
+    return SOLVER_STEPS * (SOLVER_STEPS - 1) / 2 * STEP_TIME**2 * gravity
+
+
+def free_fall_drop(gravity: Tensor) -> Tensor:
+    """What gravity adds to a frame's displacement beyond the start velocity's share: n(n+1)/2·h²·g, metres."""
+    return SOLVER_STEPS * (SOLVER_STEPS + 1) / 2 * STEP_TIME**2 * gravity
+
+
+@dataclass(frozen=True)
+class Surroundings:
+    """All that acts on the fluid from outside.
+
+    Attributes:
+        surface: the solid, or None.
+        lower, upper: (3,) corners of the container, metres.
+        gravity: (3,), m/s².
+    """
+
+    surface: Surface | None
+    lower: Tensor
+    upper: Tensor
+    gravity: Tensor
+
+    @classmethod
+    def of(cls, scene: Scene, surface: Surface | None, device: torch.device | str = "cpu") -> Surroundings:
+        """What a scene puts around its fluid."""
+        container = scene.container
+        return cls(
+            None if surface is None else surface.to(device),
+            torch.tensor(container.lower, device=device),
+            torch.tensor(container.upper, device=device),
+            torch.tensor(scene.gravity, device=device),
+        )
+
+    def distance_and_normal(self, points: Tensor) -> tuple[Tensor, Tensor]:
+        """Signed distance (N,) in metres and normal (N, 3) of the solid; infinitely far where there is none."""
+        if self.surface is None:
+            return torch.full_like(points[:, 0], torch.inf), torch.zeros_like(points)
+        return self.surface.distance_and_normal(points)

@@ -1,0 +1,95 @@
+"""Trained weights as safetensors: tensors and a JSON header, nothing that could run."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict, dataclass
+from importlib.resources import files
+from pathlib import Path
+
+from safetensors import SafetensorError, safe_open
+from safetensors.torch import save_file
+
+from surfsup.errors import InputError
+from surfsup.model.simulator import Architecture, Simulator
+
+FORMAT = "surfsup-simulator-1"
+DEFAULT_MODEL = "first"
+
+
+@dataclass(frozen=True)
+class Card:
+    """What is known of a set of weights.
+
+    Attributes:
+        name: of the model.
+        about: data, seeds, command, time and scores, as plain text.
+    """
+
+    name: str
+    about: str
+
+
+def save(path: Path, simulator: Simulator, card: Card) -> None:
+    """Write the weights and their card to ``path``; a file of that name is replaced only when all is written."""
+    header = {
+        "format": FORMAT,
+        "architecture": json.dumps(asdict(simulator.architecture)),
+        "card": json.dumps(asdict(card)),
+    }
+    partial = path.with_name(path.name + ".partial")
+    save_file(simulator.state_dict(), partial, metadata=header)
+    partial.replace(path)
+
+
+def load(path: Path) -> tuple[Simulator, Card]:
+    """The simulator whose weights are in ``path``, ready to roll out, and its card.
+
+    Raises:
+        InputError: the file is missing, cut off, not safetensors, or of another architecture.
+    """
+    if not path.is_file():
+        raise InputError(f"{path}: there is no such weights file")
+    try:
+        with safe_open(path, framework="pt") as file:
+            header = file.metadata() or {}
+            if header.get("format") != FORMAT:
+                raise InputError(
+                    f"{path}: holds '{header.get('format', 'something else')}', not weights of a simulator "
+                    f"of this version ('{FORMAT}')"
+                )
+            tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118: not a mapping
+        simulator = Simulator(Architecture(**json.loads(header["architecture"])))
+        simulator.load_state_dict(tensors)
+        card = Card(**json.loads(header["card"]))
+    except SafetensorError as error:
+        raise InputError(
+            f"{path}: is cut off or not a safetensors file ({error}); pickled weights are refused"
+        ) from None
+    except (KeyError, TypeError, ValueError, RuntimeError) as error:
+        if isinstance(error, InputError):
+            raise
+        reason = " ".join(str(error).split())
+        raise InputError(f"{path}: its tensors do not fit its architecture ({reason[:120]})") from None
+    return simulator.eval().requires_grad_(False), card
+
+
+def shipped() -> dict[str, Path]:
+    """The models that come with the package, by name."""
+    folder = Path(str(files("surfsup.weights")))
+    return {path.stem: path for path in sorted(folder.glob("*.safetensors"))}
+
+
+def find(model: str) -> Path:
+    """The weights file of a shipped model's name, or the file that ``model`` is the path of.
+
+    Raises:
+        InputError: neither.
+    """
+    models = shipped()
+    if model in models:
+        return models[model]
+    path = Path(model)
+    if path.is_file():
+        return path
+    raise InputError(f"there is no model '{model}'; shipped are {', '.join(models)}, or give a .safetensors file")

@@ -1,0 +1,65 @@
+"""What training asks of a predicted frame."""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor
+
+from surfsup.model.features import DISPLACEMENT_SCALE
+from surfsup.model.simulator import Correction, Observation
+from surfsup.model.state import FRAME_TIME
+
+NEAR_SURFACE = 0.09  # metres, the supplement's threshold
+NEAR_WEIGHT = 2.0
+FLOOR = 0.05  # of a frame's mean squared correction: keeps frames at rest from dominating
+ENERGY_CELL = 0.12  # metres
+
+
+def wanted_correction(seen: Observation, positions: Tensor, velocities: Tensor) -> Correction:
+    """The correction that would have led from ``seen`` to the true positions and velocities (N, 3)."""
+    gained = velocities - seen.state.velocities - FRAME_TIME * seen.gravity
+    return Correction(
+        gained * FRAME_TIME / DISPLACEMENT_SCALE, (positions - seen.ahead) / DISPLACEMENT_SCALE
+    )
+
+
+def motion_loss(predicted: Correction, wanted: Correction, near: Tensor) -> Tensor:
+    """Squared error of velocity and, twice, of position, over the root of the frame's own size.
+
+    Dividing by the root lets calm frames count without letting them drown the impacts.
+
+    Args:
+        predicted: by the network.
+        wanted: the truth.
+        near: (N,) whether a particle is within NEAR_SURFACE of the solid.
+    """
+    error = (predicted.velocity - wanted.velocity).square().sum(dim=-1)
+    error = error + 2 * (predicted.position - wanted.position).square().sum(dim=-1)
+    weight = torch.where(near, NEAR_WEIGHT, 1.0)
+    size = wanted.velocity.square().sum(dim=-1).mean()
+    return (weight * error).sum() / weight.sum() / (size + FLOOR).sqrt()
+
+
+def energy_loss(velocities: Tensor, true_velocities: Tensor, places: Tensor, shift: Tensor) -> Tensor:
+    """Error of the kinetic energy of small cells of fluid.
+
+    A prediction that is right on the mean loses the energy of all that it cannot know; asking for the energy of a cell
+    rather than of a particle gives it back without asking for what is chaotic.
+
+    Args:
+        velocities: (N, 3) predicted, m/s.
+        true_velocities: (N, 3), m/s.
+        places: (N, 3) true positions, metres: they say which cell a particle counts in.
+        shift: (3,) offset of the cells, metres.
+    """
+    scale = FRAME_TIME / DISPLACEMENT_SCALE
+    energy = 0.5 * (velocities * scale).square().sum(dim=-1)
+    true_energy = 0.5 * (true_velocities * scale).square().sum(dim=-1)
+    cell = ((places + shift) / ENERGY_CELL).floor().long()
+    _, cell = torch.unique(cell, dim=0, return_inverse=True)
+    cells = int(cell.max()) + 1
+    total, true_total, count = (
+        torch.zeros(cells, device=cell.device).index_add(0, cell, values)
+        for values in (energy, true_energy, torch.ones_like(energy))
+    )
+    return ((total - true_total).square() / (true_total + count)).sum() / len(places)

@@ -1,0 +1,1 @@
+"""The trained models that ship: safetensors, each with its card."""
