@@ -1,6 +1,8 @@
-"""The guard: no particle stays inside the solid or outside the container, whatever the network says."""
+"""The guard: no particle ends a frame inside the solid or outside the container, whatever the network says."""
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import torch
 from torch import Tensor
@@ -9,34 +11,63 @@ from surfsup.model.state import Surroundings
 from surfsup.scene import SURFACE_CLEARANCE, WALL_CLEARANCE
 
 ROUNDS = 4
+TOLERANCE = 1e-5  # metres that a particle may stay short of its clearance
 
 
-def guard(positions: Tensor, velocities: Tensor, around: Surroundings) -> tuple[Tensor, Tensor, Tensor]:
+@dataclass(frozen=True)
+class Guarded:
+    """What the guard made of a frame.
+
+    Attributes:
+        positions: (N, 3), metres.
+        velocities: (N, 3), m/s.
+        moved: (N,) bool, which particles it had to move.
+    """
+
+    positions: Tensor
+    velocities: Tensor
+    moved: Tensor
+
+
+def guard(before: Tensor, positions: Tensor, velocities: Tensor, around: Surroundings) -> Guarded:
     """Push particles out along the normal and take away the part of their velocity that points in.
 
-    The clearances are the smallest distances that the reference solver leaves. A push that ends too close to
-    something else is repeated, a few rounds at most; the last word is had by the container's walls.
+    The clearances are the smallest distances that the reference solver leaves. A push may end too close to a wall
+    or to another part of the solid, so it is repeated, a few rounds at most. A particle that is still inside the solid
+    then, in a crease too narrow for it, stays where it was ``before``: so penetration is zero by construction as long
+    as the start has none.
 
-    Returns:
-        positions (N, 3), velocities (N, 3), and which particles (N,) were moved.
+    Args:
+        before: (N, 3) positions one frame earlier, none inside the solid or outside the container.
+        positions: (N, 3) as the network wants them, metres.
+        velocities: (N, 3), m/s.
+        around: container and solid.
     """
-    lower, upper = around.lower + WALL_CLEARANCE, around.upper - WALL_CLEARANCE
-    moved = torch.zeros(len(positions), dtype=torch.bool, device=positions.device)
+    positions, velocities, moved = into_container(positions, velocities, around)
+    if around.surface is None:
+        return Guarded(positions, velocities, moved)
+    at = torch.arange(len(positions), device=positions.device)
     for _ in range(ROUNDS):
-        inside = torch.minimum(torch.maximum(positions, lower), upper)
-        at_wall = inside != positions
-        outward = torch.where(at_wall, inside - positions, 0.0)
-        velocities = torch.where(at_wall & (velocities * outward < 0), 0.0, velocities)
-        positions, moved = inside, moved | at_wall.any(dim=-1)
-        if around.surface is None:
-            break
-        distance, normal = around.distance_and_normal(positions)
-        too_deep = (SURFACE_CLEARANCE - distance).clamp(min=0)
-        if not bool((too_deep > 1e-6).any()):
-            break
-        pushed = too_deep > 0
-        inward = (velocities * normal).sum(dim=-1).clamp(max=0) * pushed
-        positions = positions + too_deep[:, None] * normal
-        velocities = velocities - inward[:, None] * normal
-        moved = moved | pushed
-    return positions, velocities, moved
+        distance, normal = around.distance_and_normal(positions[at])
+        deep = SURFACE_CLEARANCE - distance > TOLERANCE
+        if not bool(deep.any()):
+            return Guarded(positions, velocities, moved)
+        at, distance, normal = at[deep], distance[deep], normal[deep]
+        pushed = positions[at] + (SURFACE_CLEARANCE - distance)[:, None] * normal
+        speed_in = (velocities[at] * normal).sum(dim=-1, keepdim=True).clamp(max=0)
+        pushed, slowed, _ = into_container(pushed, velocities[at] - speed_in * normal, around)
+        positions, velocities = positions.index_copy(0, at, pushed), velocities.index_copy(0, at, slowed)
+        moved = moved.index_fill(0, at, True)
+    stuck = at[around.distance_and_normal(positions[at])[0] < 0]
+    positions = positions.index_copy(0, stuck, before[stuck])
+    velocities = velocities.index_fill(0, stuck, 0.0)
+    return Guarded(positions, velocities, moved)
+
+
+def into_container(positions: Tensor, velocities: Tensor, around: Surroundings) -> tuple[Tensor, Tensor, Tensor]:
+    """Positions (N, 3) inside the walls, velocities (N, 3) that do not point out, and which (N,) were moved."""
+    lower, upper = around.lower + WALL_CLEARANCE, around.upper - WALL_CLEARANCE
+    inside = torch.minimum(torch.maximum(positions, lower), upper)
+    crossed = inside != positions
+    leaving = crossed & (velocities * (inside - positions) < 0)
+    return inside, torch.where(leaving, 0.0, velocities), crossed.any(dim=-1)

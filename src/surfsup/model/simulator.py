@@ -111,7 +111,8 @@ class Simulator(nn.Module):
         positions, velocities = self.advance(seen, self.correct(seen))
         moved = torch.zeros(len(positions), dtype=torch.bool, device=positions.device)
         if guarded:
-            positions, velocities, moved = guard(positions, velocities, around)
+            kept = guard(state.positions, positions, velocities, around)
+            positions, velocities, moved = kept.positions, kept.velocities, kept.moved
         return state.moved_to(positions, velocities), moved
 
     @torch.no_grad()

@@ -9,7 +9,7 @@ import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from copy import deepcopy
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +20,7 @@ from surfsup.datasets.windows import Window, Windows
 from surfsup.errors import InputError
 from surfsup.evaluation.judge import Scores, judge
 from surfsup.model import weights
+from surfsup.model.convolution import Graph
 from surfsup.model.guard import guard
 from surfsup.model.simulator import Architecture, Correction, Observation, Simulator, join_observations
 from surfsup.model.state import FRAME_TIME, State
@@ -219,7 +220,10 @@ def batch_loss(
             states = [model.step(state, window.around)[0] for state, window in zip(states, batch, strict=True)]
     losses = []
     for frame in range(frames - phase.unroll, frames):
-        seen = [model.observe(state, window.around) for state, window in zip(states, batch, strict=True)]
+        seen = [
+            with_fixed_graph(model.observe(state, window.around))
+            for state, window in zip(states, batch, strict=True)
+        ]
         predicted = split(model.correct(join_observations(seen)), seen)
         following = []
         for window, view, correction in zip(batch, seen, predicted, strict=True):
@@ -235,10 +239,18 @@ def batch_loss(
                 losses[-1] = losses[-1] + phase.energy / (1 + size) * energy_loss(
                     velocities, true_velocities, true_positions, shift
                 )
-            positions, velocities, _ = guard(positions, velocities, window.around)
-            following.append(view.state.moved_to(positions, velocities))
+            kept = guard(view.state.positions, positions, velocities, window.around)
+            following.append(view.state.moved_to(kept.positions, kept.velocities))
         states = following
     return torch.stack(losses).mean()
+
+
+def with_fixed_graph(seen: Observation) -> Observation:
+    """The observation with its kernels taken as given.
+
+    Their gradient would be passed back to the frame before, where it says little and costs as much as all the rest.
+    """
+    return replace(seen, graph=Graph(seen.graph.neighbourhood, seen.graph.kernels.detach()))
 
 
 def split(joined: Correction, parts: list[Observation]) -> list[Correction]:
