@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 FIELD_OF_VIEW = 26.0  # degrees, upright; long enough a lens that a box does not look like a pyramid
-_TOWARDS_CAMERA = np.array([0.55, -0.83, 0.46])  # from the front, a little to the right, looking down by 25 degrees
-_MARGIN = 1.06
+_TOWARDS_CAMERA = np.array([0.50, -0.86, 0.40])  # from the front, a little to the right, looking down by 22 degrees
+_MARGIN = 1.03
 _HEADROOM = 0.06  # metres above the highest point of interest
 
 
@@ -59,8 +59,8 @@ def frame_camera(
     """
     half = np.array(container_size[:2]) / 2
     tops = [solid_bounds[1, 2]] if solid_bounds is not None else []
-    # Not the very top: a few drops that fly high must not push everything else away.
-    tops += [np.quantile(focus[:, 2], 0.995)] if focus is not None and len(focus) else []
+    # Not the very top: water that hangs high before it falls may reach out of the picture, for the solid is what matters.
+    tops += [np.quantile(focus[:, 2], 0.6)] if focus is not None and len(focus) else []
     top = min(max(tops) + _HEADROOM, container_size[2]) if tops else container_size[2]
     corners = np.array([[x, y, z] for x in (-half[0], half[0]) for y in (-half[1], half[1]) for z in (0.0, top)])
     towards = _TOWARDS_CAMERA / np.linalg.norm(_TOWARDS_CAMERA)

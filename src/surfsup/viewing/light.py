@@ -31,16 +31,20 @@ def sun_directions(count: int) -> np.ndarray:
     return directions / np.linalg.norm(directions, axis=1, keepdims=True)
 
 
-def sky(directions: np.ndarray) -> np.ndarray:
-    """Light (..., 3) that comes from unit `directions` (..., 3): the sky above, the lit floor below, a bright window aside."""
-    up = directions[..., 2:]
-    blend = np.clip(up, 0.0, 1.0) ** 0.6
-    light = SKY_HORIZON + blend * (SKY_ZENITH - SKY_HORIZON)
-    light = light + np.clip(-up * 5.0, 0.0, 1.0) * (GROUND * 0.85 - light)
+def sky_dome(directions: np.ndarray) -> np.ndarray:
+    """Light (..., 3) of the sky in unit `directions` (..., 3) that point upwards, float32."""
+    blend = np.clip(directions[..., 2:], 0.0, 1.0).astype(np.float32) ** 0.6
+    return SKY_HORIZON + blend * (SKY_ZENITH - SKY_HORIZON)
+
+
+def surroundings(directions: np.ndarray) -> np.ndarray:
+    """Light (..., 3) from unit `directions` (..., 3): the sky above, the lit floor below and a bright window, float32."""
+    light = sky_dome(directions)
+    light = light + np.clip(-directions[..., 2:] * 5.0, 0.0, 1.0) * (GROUND * 0.85 - light)
     # A window over the sun's shoulder is what gives water its broad highlights.
     towards = directions @ SUN.astype(np.float32)
     window = np.clip((towards - 0.86) / 0.06, 0.0, 1.0)[..., None]
-    return light + (window * window * (3.0 - 2.0 * window)) * 1.6
+    return light + (window * window * (3.0 - 2.0 * window)) * np.float32(1.6)
 
 
 def to_display(light: np.ndarray) -> np.ndarray:

@@ -18,15 +18,17 @@ from surfsup.viewing.raster import Rasteriser
 if TYPE_CHECKING:
     import pyvista
 
-SOLID = np.array([0.80, 0.47, 0.29], np.float32)  # warm and matte, for water is cool and shiny
-_SKY_SAMPLES = 56
-_SUN_SAMPLES = 14
-_SKY_SHARE = 0.62
-_SUN_SHARE = 0.62
+SOLID = np.array([0.74, 0.38, 0.21], np.float32)  # warm and matte, for water is cool and shiny
+_SKY_SAMPLES = 44
+_SUN_SAMPLES = 12
+_SKY_SHARE = 0.55
+_SUN_SHARE = 0.72
+_BOUNCE_SHARE = 0.30
+_SHADOW_MAP = (800, 800)  # pixels
 _EDGE = 0.02  # metres; triangles are split until their edges are shorter, so that a shadow may end inside one
 _MOST_FACES = 400_000
-_FLOOR_REACH = 1.8  # metres from the centre, beyond which no shadow falls
-_FLOOR_CELLS = 450
+_FLOOR_REACH = 1.4  # metres from the centre, beyond which no shadow falls
+_FLOOR_CELLS = 320
 _BIAS = 0.006  # metres; a surface must not shade itself
 
 
@@ -39,7 +41,7 @@ class Stage:
 
     def __init__(self, solid: trimesh.Trimesh | None, camera: Camera, raster: Rasteriser) -> None:
         mesh = _fine_mesh(solid) if solid is not None else None
-        shadows = _Shadows(mesh, raster) if mesh is not None else None
+        shadows = _Shadows(mesh) if mesh is not None else None
         self.light, self.depth = _floor(camera, shadows)
         if mesh is None:
             return
@@ -79,21 +81,22 @@ def _fine_mesh(solid: trimesh.Trimesh) -> "pyvista.PolyData":
 class _Shadows:
     """How much light reaches a point past one solid."""
 
-    def __init__(self, mesh: "pyvista.PolyData", raster: Rasteriser) -> None:
+    def __init__(self, mesh: "pyvista.PolyData") -> None:
+        raster = Rasteriser(_SHADOW_MAP)
         low, high = np.array(mesh.bounds)[0::2], np.array(mesh.bounds)[1::2]
         centre, half = (low + high) / 2, float(np.linalg.norm(high - low)) / 2 * 1.02
         raster.hold(mesh)
+        sky, sun = light.sky_directions(_SKY_SAMPLES), light.sun_directions(_SUN_SAMPLES)
+        colours = [
+            *(light.sky_dome(sky) * (2.0 * _SKY_SHARE / _SKY_SAMPLES)),
+            *np.tile(light.SUN_COLOUR * (_SUN_SHARE / _SUN_SAMPLES), (_SUN_SAMPLES, 1)),
+        ]
         self._maps = []
-        for directions, shares in (
-            (light.sky_directions(_SKY_SAMPLES), _SKY_SHARE * 2.0 / _SKY_SAMPLES),
-            (light.sun_directions(_SUN_SAMPLES), _SUN_SHARE / _SUN_SAMPLES),
-        ):
-            is_sun = len(directions) == _SUN_SAMPLES
-            for direction in directions:
-                axes = raster.parallel(-direction, centre, half)
-                colour = light.SUN_COLOUR if is_sun else light.sky(direction[None].astype(np.float32))[0].clip(0, 1)
-                self._maps.append((direction, axes, raster.depth(), colour * shares))
-        self._centre, self._half = centre, half
+        for direction, colour in zip(np.concatenate([sky, sun]).astype(np.float32), colours, strict=True):
+            axes = raster.parallel(-direction, centre, half).astype(np.float32)
+            self._maps.append((direction, axes, raster.depth(), colour))
+        raster.close()
+        self._centre, self._half = centre.astype(np.float32), np.float32(half)
 
     def irradiance(self, points: np.ndarray, normals: np.ndarray) -> np.ndarray:
         """Light (N, 3) on a white surface at `points` (N, 3) with unit `normals` (N, 3)."""
@@ -101,18 +104,20 @@ class _Shadows:
         normals = normals.astype(np.float32)
         # The floor's bounce lights what faces down, less so close to the floor, where it lies in the solid's own shadow.
         bounce = (0.5 - 0.5 * normals[:, 2:]) * (0.35 + 0.65 * np.clip(points[:, 2:] / 0.4, 0.0, 1.0))
-        total = 0.42 * bounce * light.GROUND
+        total = (_BOUNCE_SHARE * bounce * light.GROUND).astype(np.float32)
         for direction, axes, depth, colour in self._maps:
-            facing = np.clip(normals @ direction.astype(np.float32), 0.0, None)
-            lit = facing * self._visible(points, axes.astype(np.float32), depth)
-            total = total + lit[:, None] * colour
-        return total.astype(np.float32)
+            facing = normals @ direction
+            turned = np.flatnonzero(facing > 0)
+            lit = turned[self._visible(points[turned], axes, depth)]
+            total[lit] += facing[lit, None] * colour
+        return total
 
     def _visible(self, points: np.ndarray, axes: np.ndarray, depth: np.ndarray) -> np.ndarray:
         height, width = depth.shape
-        local = (points - self._centre.astype(np.float32)) @ axes.T
-        x = (local[:, 0] / self._half * height / 2 + width / 2).astype(np.int32)
-        y = (height / 2 - local[:, 1] / self._half * height / 2).astype(np.int32)
+        local = (points - self._centre) @ axes.T
+        scale = np.float32(height / 2) / self._half
+        x = (local[:, 0] * scale + width / 2).astype(np.int32)
+        y = (height / 2 - local[:, 1] * scale).astype(np.int32)
         inside = (x >= 0) & (x < width) & (y >= 0) & (y < height)
         nearest = depth[np.clip(y, 0, height - 1), np.clip(x, 0, width - 1)]
         return ~inside | (local[:, 2] + 2 * self._half < nearest + np.float32(_BIAS))
