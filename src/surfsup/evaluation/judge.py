@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 import torch
 
-from surfsup.evaluation.metrics import centre_height, chamfer, kinetic_energy
+from surfsup.evaluation.metrics import Chamfer, centre_height, chamfer, kinetic_energy
 from surfsup.model.simulator import Simulator
 from surfsup.model.state import State, Surroundings
 from surfsup.trajectory import Trajectory
@@ -46,48 +47,71 @@ class Scores:
 
 
 @torch.no_grad()
-def rollout_scores(model: Simulator, truth: Trajectory, frames: int, every: int = 1, guarded: bool = True) -> Scores:
-    """Roll the model out from the start of ``truth`` and score ``frames`` frames of it.
+def rollout_scores(
+    model: Simulator, truth: Trajectory, spans: Sequence[int], every: int = 1, guarded: bool = True
+) -> dict[int, Scores]:
+    """Roll the model out from the start of ``truth`` and score its first frames.
 
     Args:
         model: the simulator.
         truth: what the reference solver made of the scene.
-        frames: how many, at most those of ``truth``.
+        spans: numbers of frames, ascending, each to be scored from the start; cut to those of ``truth``.
         every: Chamfer distances are taken at every so many-th frame; all else at each.
         guarded: whether the guard against penetration is on.
+
+    Returns:
+        The scores of each span.
     """
     surface = truth.scene.build_surface()
     around = Surroundings.of(truth.scene, surface)
-    frames = min(frames, len(truth))
+    frames = min(max(spans), len(truth))
     true_positions, true_velocities = truth.positions[:frames], truth.velocities[:frames]
     state = State.in_free_fall(
         torch.from_numpy(true_positions[0]), torch.from_numpy(true_velocities[0]), around.gravity
     )
-    distances, heights, energy, true_energy = [], [], 0.0, 0.0
-    inside = outside = 0
-    guarded_share = 0.0
+    tally = Tally()
+    scores = {}
     for frame, (now, moved) in enumerate(model.rollout(state, around, frames, guarded)):
         positions, velocities = now.positions.numpy(), now.velocities.numpy()
         if not np.isfinite(positions).all():
-            return Scores(math.nan, math.nan, math.nan, math.nan, inside, outside, math.nan)
+            tally.chamfer.append(Chamfer(math.nan, math.nan))
+            break
         if frame % every == 0:
-            distances.append(chamfer(positions, true_positions[frame]))
-        heights.append(abs(centre_height(positions) - centre_height(true_positions[frame])))
-        energy += kinetic_energy(velocities)
-        true_energy += kinetic_energy(true_velocities[frame])
-        guarded_share += float(moved.float().mean()) / frames
+            tally.chamfer.append(chamfer(positions, true_positions[frame]))
+        tally.height_error.append(abs(centre_height(positions) - centre_height(true_positions[frame])))
+        tally.energy.append(kinetic_energy(velocities))
+        tally.true_energy.append(kinetic_energy(true_velocities[frame]))
+        tally.guarded.append(float(moved.float().mean()))
         if surface is not None:
-            inside += int((surface.distance(now.positions) < 0).sum())
-        outside += int(((now.positions < around.lower) | (now.positions > around.upper)).any(dim=-1).sum())
-    return Scores(
-        float(np.mean([d.plain for d in distances])),
-        float(np.mean([d.squared for d in distances])),
-        float(np.mean(heights)),
-        energy / true_energy,
-        inside,
-        outside,
-        guarded_share,
-    )
+            tally.inside += int((surface.distance(now.positions) < 0).sum())
+        tally.outside += int(((now.positions < around.lower) | (now.positions > around.upper)).any(dim=-1).sum())
+        scores.update({span: tally.scores() for span in spans if frame + 1 == min(span, frames)})
+    return {span: scores.get(span) or tally.scores() for span in spans}
+
+
+@dataclass
+class Tally:
+    """What is counted frame by frame."""
+
+    chamfer: list[Chamfer] = field(default_factory=list)
+    height_error: list[float] = field(default_factory=list)
+    energy: list[float] = field(default_factory=list)
+    true_energy: list[float] = field(default_factory=list)
+    guarded: list[float] = field(default_factory=list)
+    inside: int = 0
+    outside: int = 0
+
+    def scores(self) -> Scores:
+        """The scores of all frames so far."""
+        return Scores(
+            chamfer=float(np.mean([one.plain for one in self.chamfer])),
+            chamfer_squared=float(np.mean([one.squared for one in self.chamfer])),
+            height_error=float(np.mean(self.height_error)),
+            energy_ratio=sum(self.energy) / sum(self.true_energy),
+            inside=self.inside,
+            outside=self.outside,
+            guarded=float(np.mean(self.guarded)),
+        )
 
 
 def judge(model: Simulator, folder: Path, scenes: int, frames: int) -> Scores:
@@ -95,7 +119,7 @@ def judge(model: Simulator, folder: Path, scenes: int, frames: int) -> Scores:
     every = []
     for path in sorted(folder.glob("*.h5"))[:scenes]:
         with Trajectory(path) as truth:
-            every.append(rollout_scores(model, truth, frames, every=5))
+            every.append(rollout_scores(model, truth, [frames], every=5)[frames])
     return mean_scores(every)
 
 

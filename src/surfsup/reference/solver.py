@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
+from surfsup.errors import InputError
 from surfsup.reference.job import PARTICLE_RADIUS, STEPS_PER_FRAME, write_job
 from surfsup.scene import Scene, Start
 from surfsup.sdf import Surface, to_mesh
@@ -60,6 +61,19 @@ def simulate(
             yield from run_child(scene_file, scene.frames, len(start.positions), threads, Path(scratch) / "log")
         finally:
             remove_job(folder, name)
+
+
+def require() -> None:
+    """Refuse early where the solver cannot run; it is loaded in a process of its own, which may crash.
+
+    Raises:
+        InputError: the solver or a library that it needs is missing; says what to install.
+    """
+    probe = "from surfsup.reference.library import load_solver; load_solver()"
+    done = subprocess.run([sys.executable, "-c", probe], capture_output=True, text=True, check=False)
+    if done.returncode:
+        last = (done.stderr.strip().splitlines() or [f"it ended with status {done.returncode}"])[-1]
+        raise InputError(last.removeprefix("surfsup.errors.InputError: "))
 
 
 def run_child(

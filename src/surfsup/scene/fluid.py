@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,6 +12,7 @@ from surfsup.scene.shapes import Description, Vector
 
 PARTICLE_RADIUS = 0.015  # metres
 SPACING = 2 * PARTICLE_RADIUS
+MOST_PARTICLES = 50_000_000  # in a block; their positions alone are 0.6 GB
 
 
 class Block(Description):
@@ -22,7 +24,10 @@ class Block(Description):
 
     @model_validator(mode="after")
     def holds_a_particle(self) -> Block:
-        """A block thinner than two spacings has no room for the lattice."""
+        """A block thinner than two spacings has no room for the lattice, a huge one none in memory."""
+        sides = [(high - low) / SPACING for low, high in zip(self.min, self.max, strict=True)]
+        if math.prod(max(1.0, side) for side in sides) > MOST_PARTICLES:
+            raise ValueError(f"block would hold more than {MOST_PARTICLES:,} particles of {SPACING} m")
         for axis, low, high in zip("xyz", self.min, self.max, strict=True):
             if particles_along(low, high) < 1:
                 raise ValueError(
@@ -30,6 +35,13 @@ class Block(Description):
                     f"it must be at least {2 * SPACING:.3g} m to hold a particle"
                 )
         return self
+
+    def particle_bounds(self) -> list[tuple[float, float]]:
+        """Where the first and the last particle lie along x, y and z, metres."""
+        return [
+            (low + SPACING, low + SPACING * particles_along(low, high))
+            for low, high in zip(self.min, self.max, strict=True)
+        ]
 
     def positions(self) -> np.ndarray:
         """Particles (N, 3) float32 on the lattice that SPlisHSPlasH gives a fluid block."""
@@ -48,7 +60,7 @@ class Fluid(Description):
 
 @dataclass(frozen=True)
 class Start:
-    """The particles of a scene at rest on their lattice.
+    """The particles of a scene on their lattice, at the velocities of their blocks.
 
     Attributes:
         blocks: positions (N, 3) float32 of each block in metres.

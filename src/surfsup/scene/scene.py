@@ -12,8 +12,9 @@ from scipy.spatial import cKDTree
 
 from surfsup.errors import InputError
 from surfsup.scene.complaints import one_line
-from surfsup.scene.fluid import SPACING, Fluid, Start
+from surfsup.scene.fluid import SPACING, Block, Fluid, Start
 from surfsup.scene.shapes import Description, Length, Shape, Vector
+from surfsup.scene.text import parse_yaml
 from surfsup.sdf import Surface
 
 FRAME_TIME = 0.005  # seconds
@@ -59,12 +60,7 @@ class Scene(Description):
         Raises:
             InputError: not YAML, an unknown key, or a value out of range; says which.
         """
-        try:
-            data = yaml.safe_load(text)
-        except yaml.YAMLError as error:
-            where = getattr(error, "problem_mark", None)
-            line = f" line {where.line + 1}" if where else ""
-            raise InputError(f"{source}:{line} is not YAML: {getattr(error, 'problem', error)}") from None
+        data = parse_yaml(text, source)
         if not isinstance(data, dict):
             raise InputError(f"{source}: a scene is a mapping with at least the key 'fluid'")
         try:
@@ -83,7 +79,7 @@ class Scene(Description):
         """
         try:
             text = path.read_text(encoding="utf-8")
-        except (OSError, UnicodeDecodeError) as error:
+        except (OSError, ValueError) as error:
             reason = error.strerror if isinstance(error, OSError) else "it is not text"
             raise InputError(f"{path}: cannot be read as a scene: {reason}") from None
         return cls.from_yaml(text, str(path), path.parent)
@@ -98,6 +94,10 @@ class Scene(Description):
         if self.surface is None:
             return self
         return self.model_copy(update={"surface": self.surface.with_files_from(self._folder)})
+
+    def with_frames(self, frames: int) -> Scene:
+        """The same scene over another number of frames."""
+        return self.model_copy(update={"frames": frames})
 
     def build_surface(self) -> Surface | None:
         """The signed distance of the solid, or None for an empty container.
@@ -115,8 +115,8 @@ class Scene(Description):
         """
         blocks, velocities, placed, left_out = [], [], np.empty((0, 3), np.float32), 0
         for number, entry in enumerate(self.fluid):
+            self._check_inside_container(number, entry.block)
             positions = entry.block.positions()
-            self._check_inside_container(number, positions)
             free = np.ones(len(positions), dtype=bool)
             if surface is not None:
                 with torch.no_grad():
@@ -134,13 +134,39 @@ class Scene(Description):
             )
         return Start(blocks, velocities, left_out)
 
-    def _check_inside_container(self, number: int, positions: np.ndarray) -> None:
+    def _check_inside_container(self, number: int, block: Block) -> None:
         limits = zip("xyz", self.container.lower, self.container.upper, strict=True)
-        for axis, (name, low, high) in enumerate(limits):
-            values = positions[:, axis]
-            if values.min() < low + WALL_CLEARANCE or values.max() > high - WALL_CLEARANCE:
-                block = self.fluid[number].block
+        for (name, low, high), (first, last), start, end in zip(
+            limits, block.particle_bounds(), block.min, block.max, strict=True
+        ):
+            if first < low + WALL_CLEARANCE or last > high - WALL_CLEARANCE:
                 raise InputError(
-                    f"fluid: block {number} reaches from {block.min[axis]:.3g} to {block.max[axis]:.3g} m along "
+                    f"fluid: block {number} reaches from {start:.3g} to {end:.3g} m along "
                     f"{name}, outside the container, which reaches from {low:.3g} to {high:.3g} m"
                 )
+
+
+def checked_block(lower: Vector, upper: Vector) -> Block:
+    """The block of fluid between two corners, metres.
+
+    Raises:
+        InputError: it is too thin or a number is not finite.
+    """
+    try:
+        return Block(min=lower, max=upper)
+    except ValidationError as error:
+        raise InputError(f"block of water: {one_line(error, Block)}") from None
+
+
+def checked_container(size: Vector | None) -> Container:
+    """The container of ``size`` metres, the standard one for None.
+
+    Raises:
+        InputError: a side is not above zero or not finite.
+    """
+    if size is None:
+        return Container()
+    try:
+        return Container(size=size)
+    except ValidationError as error:
+        raise InputError(f"container: {one_line(error, Container)}") from None

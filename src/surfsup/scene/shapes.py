@@ -132,6 +132,11 @@ class Shape(Description):
             raise ValueError(f"needs exactly one kind of surface ({', '.join(KINDS)}), found {found}")
         return self
 
+    @property
+    def kind(self) -> str:
+        """The key that is set: which kind of surface this is."""
+        return next(kind for kind in KINDS if getattr(self, kind) is not None)
+
     def surface(self, folder: Path = Path()) -> sdf.Surface:
         """The signed distance in the container's frame.
 
@@ -153,8 +158,7 @@ class Shape(Description):
             parts: list[Shape] | None = getattr(self, kind)
             if parts is not None:
                 return combine(*(part.surface(folder) for part in parts))
-        kind = next(kind for kind in KINDS if getattr(self, kind) is not None)
-        return getattr(self, kind).surface(folder)
+        return getattr(self, self.kind).surface(folder)
 
     def with_files_from(self, folder: Path) -> Shape:
         """The same shape with every mesh file's path made absolute from ``folder``."""

@@ -103,3 +103,19 @@ def load_config(name: str, overrides: list[str] | None = None) -> TrainingConfig
         return TrainingConfig.model_validate(data)
     except ValidationError as error:
         raise InputError(f"{name}: {one_line(error, TrainingConfig)}") from None
+
+
+def seconds_of(text: str) -> float:
+    """A length of time such as ``90s``, ``30m`` or ``1.5h`` in seconds.
+
+    Raises:
+        InputError: it is not of that form, or not above zero.
+    """
+    units = {"s": 1, "m": 60, "h": 3600}
+    try:
+        seconds = float(text[:-1]) * units[text[-1]]
+    except (KeyError, ValueError, IndexError):
+        seconds = 0.0
+    if not 0 < seconds < float("inf"):
+        raise InputError(f"'{text}' is not a length of time; write for example 90s, 30m or 1.5h")
+    return seconds

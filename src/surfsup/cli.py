@@ -1,0 +1,398 @@
+"""The command line: arguments in, library calls, one clear line on an error.
+
+Heavy imports stay inside the verbs, so that help is instant.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from surfsup import __version__
+from surfsup.errors import InputError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from surfsup.output import OutputFolder, Summary
+    from surfsup.scene import Scene
+
+app = typer.Typer(
+    name="surfsup",
+    help="Pour water on any surface.",
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+)
+
+Vector = tuple[float, float, float]
+Source = Annotated[Path, typer.Argument(metavar="SURFACE|SCENE.yaml", help="A mesh, or a scene file.")]
+Out = Annotated[Path | None, typer.Option("-o", "--out", help="Output folder; out/NAME by default.")]
+Frames = Annotated[int | None, typer.Option(min=1, help="Frames of 0.005 s; 800 by default.")]
+Fit = Annotated[float, typer.Option(help="Largest extent that the mesh is scaled to, in metres.")]
+NoFit = Annotated[bool, typer.Option("--no-fit", help="Take the mesh as it is, in metres.")]
+Up = Annotated[str | None, typer.Option(help="The mesh's own upward axis, y or z.")]
+Turn = Annotated[float, typer.Option(help="Turn the mesh by so many degrees about z.")]
+At = Annotated[Vector | None, typer.Option(help="Where the mesh's foot goes, in metres.")]
+BlockMin = Annotated[Vector | None, typer.Option(help="Lower corner of the block of water.")]
+BlockMax = Annotated[Vector | None, typer.Option(help="Upper corner of the block of water.")]
+ContainerSize = Annotated[Vector | None, typer.Option("--container", help="Sides of the container; 1 1 2.")]
+NoPage = Annotated[bool, typer.Option("--no-page", help="Leave out page.html.")]
+NoVideo = Annotated[bool, typer.Option("--no-video", help="Leave out video.mp4.")]
+Model = Annotated[str | None, typer.Option(help="A shipped model's name or a .safetensors file.")]
+Device = Annotated[str | None, typer.Option(help="cpu or cuda; a GPU is taken where there is one.")]
+Seed = Annotated[int, typer.Option(min=0, help="Where random choices start.")]
+
+
+@app.command()
+def simulate(
+    source: Source,
+    out: Out = None,
+    frames: Frames = None,
+    fit: Fit = 0.7,
+    no_fit: NoFit = False,
+    up: Up = None,
+    turn: Turn = 0.0,
+    at: At = None,
+    block_min: BlockMin = None,
+    block_max: BlockMax = None,
+    container: ContainerSize = None,
+    model: Model = None,
+    device: Device = None,
+    seed: Seed = 0,
+    no_guard: Annotated[bool, typer.Option("--no-guard", help="Let the network's own penetration show.")] = False,
+    no_page: NoPage = False,
+    no_video: NoVideo = False,
+) -> None:
+    """Pour water on a surface with the learned simulator.
+
+    Example: surfsup simulate bunny.obj -o out/bunny
+    """
+    from surfsup.model import weights
+    from surfsup.model.simulate import choose_device
+    from surfsup.model.simulate import simulate as frames_of
+    from surfsup.trajectory import Provenance
+
+    scene = read_scene(source, frames, None if no_fit else fit, up, turn, at, block_min, block_max, container)
+    simulator, card = weights.load(weights.find(model or weights.DEFAULT_MODEL))
+    where = choose_device(device)
+    surface = scene.build_surface()
+    start = scene.start(surface)
+    folder = open_folder(out, source, pictures=not no_video)
+    with bar(f"simulating with '{card.name}'") as tell:
+        summary = folder.record(
+            scene,
+            surface,
+            start,
+            frames_of(simulator, scene, surface, start, where, guarded=not no_guard),
+            Provenance(card.name, seed),
+            where,
+            tell,
+        )
+    show(folder, summary, start.left_out, no_page, no_video)
+
+
+@app.command()
+def reference(
+    source: Source,
+    out: Out = None,
+    frames: Frames = None,
+    fit: Fit = 0.7,
+    no_fit: NoFit = False,
+    up: Up = None,
+    turn: Turn = 0.0,
+    at: At = None,
+    block_min: BlockMin = None,
+    block_max: BlockMax = None,
+    container: ContainerSize = None,
+    threads: Annotated[int, typer.Option(min=1, help="Threads of the solver.")] = 1,
+    no_page: NoPage = False,
+    no_video: NoVideo = False,
+) -> None:
+    """Simulate the same scene with SPlisHSPlasH, the ground truth.
+
+    Example: surfsup reference bunny.obj -o out/bunny-truth
+    """
+    from surfsup.reference import solver
+    from surfsup.trajectory import Provenance
+
+    scene = read_scene(source, frames, None if no_fit else fit, up, turn, at, block_min, block_max, container)
+    surface = scene.build_surface()
+    start = scene.start(surface)
+    solver.require()
+    folder = open_folder(out, source, pictures=not no_video)
+    with bar("simulating with SPlisHSPlasH") as tell:
+        summary = folder.record(
+            scene,
+            surface,
+            start,
+            solver.simulate(scene, surface, start, threads),
+            Provenance(solver.NAME),
+            "cpu",
+            tell,
+        )
+    show(folder, summary, start.left_out, no_page, no_video)
+
+
+@app.command()
+def generate(
+    recipe: Annotated[str, typer.Argument(help="Which scenes: prim-shapes.")],
+    out: Annotated[Path, typer.Option("-o", "--out", help="Folder of the data set.")],
+    n: Annotated[int, typer.Option("-n", help="How many scenes.")],
+    seed: Seed = 0,
+    workers: Annotated[int, typer.Option(help="Simulations side by side.")] = 2,
+) -> None:
+    """Make a data set with the reference solver; started again, it makes what is missing.
+
+    Example: surfsup generate prim-shapes -o data/train -n 60 --seed 1
+    """
+    from surfsup.datasets.generate import generate as make
+    from surfsup.reference import solver
+
+    solver.require()
+    with bar(f"simulating {n} scenes of {recipe}") as tell:
+        paths = make(recipe, out, n, seed, workers, tell)
+    typer.echo(f"{len(paths)} trajectories in {out}")
+
+
+@app.command()
+def train(
+    preset: Annotated[str, typer.Argument(metavar="PRESET|CONFIG.yaml", help="What to train, and how.")],
+    data: Annotated[Path, typer.Option(help="Folder of training trajectories.")],
+    validation: Annotated[Path, typer.Option(help="Folder of trajectories that choose the checkpoint.")],
+    out: Annotated[Path, typer.Option("-o", "--out", help="Folder of the run.")],
+    overrides: Annotated[list[str] | None, typer.Argument(metavar="key=value")] = None,
+    time_limit: Annotated[str, typer.Option("--time", help="Stop after so long: 90s, 30m, 2h.")] = "",
+    resume: Annotated[bool, typer.Option("--resume", help="Go on from the folder's checkpoint.")] = False,
+    threads: Annotated[int, typer.Option(min=1, help="Threads of torch.")] = 1,
+) -> None:
+    """Train a learned simulator.
+
+    Example: surfsup train first --data data/train --validation data/validation -o runs/first --time 1h
+    """
+    import time
+
+    import torch
+
+    from surfsup.training.config import load_config, seconds_of
+    from surfsup.training.train import Run
+    from surfsup.training.train import train as run_training
+
+    torch.set_num_threads(threads)
+    config = load_config(preset, overrides)
+    limit = seconds_of(time_limit) if time_limit else float("inf")
+    run = Run(config, out)
+    if resume:
+        run.resume()
+    elif run.checkpoint.exists():
+        raise InputError(f"{out}: holds a run already; go on with --resume or take another folder")
+    with training_line() as tell:
+        run_training(run, data, validation, time.monotonic() + limit, tell)
+    typer.echo(f"{run.step} of {config.steps} steps done; best weights in {out / 'best.safetensors'}")
+
+
+@app.command()
+def evaluate(
+    model: Annotated[str, typer.Argument(help="A shipped model's name or a .safetensors file.")],
+    data: Annotated[Path, typer.Argument(metavar="DIR", help="Folder of held-out trajectories.")],
+    out: Annotated[Path, typer.Option("-o", "--out", help="Folder of the report.")],
+    no_guard: Annotated[bool, typer.Option("--no-guard", help="Judge the network without the guard.")] = False,
+) -> None:
+    """Judge a model on held-out trajectories of the reference solver.
+
+    Example: surfsup evaluate first data/test -o out/report
+    """
+    from surfsup.evaluation.report import evaluate as judge
+    from surfsup.evaluation.report import table, write_report
+    from surfsup.model import weights
+
+    simulator, card = weights.load(weights.find(model))
+    out.mkdir(parents=True, exist_ok=True)
+    with bar(f"judging '{card.name}'") as tell:
+        scored = judge(simulator, data, not no_guard, tell)
+    write_report(out / "report.json", card.name, data, scored)
+    typer.echo(table(scored))
+    typer.echo(f"written to {out / 'report.json'}")
+
+
+@app.command()
+def view(trajectory: Annotated[Path, typer.Argument(help="A trajectory.h5.")]) -> None:
+    """Write the page of a trajectory beside it.
+
+    Example: surfsup view out/bunny/trajectory.h5
+    """
+    from surfsup.pictures import write_page_of
+
+    with bar("writing the page") as tell:
+        page = write_page_of(trajectory, trajectory.with_name("page.html"), tell)
+    typer.echo(f"open {page} in a browser")
+
+
+@app.command()
+def render(
+    trajectory: Annotated[Path, typer.Argument(help="A trajectory.h5.")],
+    frame: Annotated[int | None, typer.Option(min=0, help="One picture of this frame instead.")] = None,
+) -> None:
+    """Write the video of a trajectory beside it, or a picture of one frame.
+
+    Example: surfsup render out/bunny/trajectory.h5 --frame 120
+    """
+    from surfsup.pictures import write_picture_of, write_video_of
+    from surfsup.viewing.graphics import require_graphics
+
+    require_graphics()
+    if frame is not None:
+        made = write_picture_of(trajectory, trajectory.with_name(f"frame-{frame:05d}.png"), frame)
+    else:
+        with bar("drawing the video") as tell:
+            made = write_video_of(trajectory, trajectory.with_name("video.mp4"), tell)
+    typer.echo(f"written to {made}")
+
+
+@app.command()
+def doctor() -> None:
+    """Tell what this machine has and lacks, and the command that mends it.
+
+    Example: surfsup doctor
+    """
+    from surfsup.doctor import examine
+
+    for finding in examine():
+        typer.echo(f"{'ok     ' if finding.fine else 'missing'}  {finding.what}: {finding.found}")
+        if finding.remedy:
+            typer.echo(f"         mend with: {finding.remedy}")
+
+
+def read_scene(
+    source: Path,
+    frames: int | None,
+    fit: float | None,
+    up: str | None,
+    turn: float,
+    at: Vector | None,
+    block_min: Vector | None,
+    block_max: Vector | None,
+    container: Vector | None,
+) -> Scene:
+    """The scene file ``source``, or the scene of water on the mesh ``source``; says how the mesh was placed."""
+    from surfsup.scene import Scene
+    from surfsup.scene.pour import Placing, pour_on_mesh
+    from surfsup.scene.scene import checked_block, checked_container
+
+    if source.suffix.lower() in (".yaml", ".yml"):
+        placed = up or turn or at or block_min or block_max or container
+        if placed:
+            raise InputError(f"{source}: a scene file places everything itself; change it there, not by options")
+        scene = Scene.load(source)
+        return scene if frames is None else scene.with_frames(frames)
+    if (block_min is None) != (block_max is None):
+        raise InputError("--block-min and --block-max go together")
+    block = checked_block(block_min, block_max) if block_min and block_max else None
+    placing = Placing(fit, up, turn, at or (0.0, 0.0, 0.0))
+    scene, said = pour_on_mesh(source, placing, checked_container(container), block, frames or 800)
+    typer.echo(said)
+    return scene
+
+
+def open_folder(out: Path | None, source: Path, pictures: bool) -> OutputFolder:
+    """The output folder, once it is known that what was asked for can be made here."""
+    from surfsup.output import OutputFolder
+    from surfsup.viewing.graphics import require_graphics
+
+    if pictures:
+        require_graphics()
+    return OutputFolder(out or Path("out") / source.stem)
+
+
+def show(folder: OutputFolder, summary: Summary, left_out: int, no_page: bool, no_video: bool) -> None:
+    """Make page and video, and say what was made, how fast, and how to look at it."""
+    from surfsup.pictures import write_page_of, write_video_of
+
+    if not no_page:
+        with bar("writing the page") as tell:
+            write_page_of(folder.trajectory, folder.page, tell)
+    if not no_video:
+        with bar("drawing the video") as tell:
+            write_video_of(folder.trajectory, folder.video, tell)
+    if left_out:
+        typer.echo(f"{left_out} particles would have started in the solid and were left out")
+    typer.echo(
+        f"{summary.particles} particles, {summary.frames} frames in {summary.seconds:.1f} s "
+        f"({summary.ms_per_frame:.1f} ms a frame); {summary.penetrations} in the solid, "
+        f"{summary.out_of_container} out of the container"
+    )
+    typer.echo(f"trajectory  {folder.trajectory}")
+    if not no_page:
+        typer.echo(f"page        {folder.page}  (open it in a browser, no network needed)")
+    if not no_video:
+        typer.echo(f"video       {folder.video}")
+
+
+@contextmanager
+def bar(what: str) -> Iterator[Callable[[int, int], None]]:
+    """A progress bar on standard error that says what is done and how long it still takes."""
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=Console(stderr=True)) as progress:
+        task = progress.add_task(what, total=None)
+        yield lambda done, total: progress.update(task, completed=done, total=total)
+
+
+@contextmanager
+def training_line() -> Iterator[Callable[[object], None]]:
+    """A live line of a training run; the scores of rollouts stay on the screen."""
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+    with Progress(
+        TextColumn("loss {task.fields[loss]:.4f}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeRemainingColumn(),
+        console=Console(stderr=True),
+    ) as progress:
+        task = progress.add_task("", total=None, loss=float("nan"))
+
+        def tell(now: object) -> None:
+            progress.update(task, completed=now.step, total=now.steps, loss=now.loss)
+            if now.scores is not None:
+                progress.console.print(f"step {now.step}: {now.scores}", highlight=False)
+
+        yield tell
+
+
+@app.callback(invoke_without_command=True)
+def surfsup(
+    context: typer.Context,
+    version: Annotated[bool, typer.Option("--version", help="Print the version.")] = False,
+) -> None:
+    """Pour water on any surface."""
+    if version:
+        typer.echo(__version__)
+    elif context.invoked_subcommand is None:
+        typer.echo(context.get_help())
+
+
+def main() -> None:
+    """Run the command line; exit with 0, 2 for bad input, 1 for a fault of ours, 130 when interrupted."""
+    try:
+        status = app(standalone_mode=False)
+    except (InputError, typer.TyperException) as error:
+        message = error.format_message() if isinstance(error, typer.TyperException) else str(error)
+        sys.stderr.write(f"surfsup: {message}\n")
+        sys.exit(2)
+    except (KeyboardInterrupt, typer.Abort):
+        sys.stderr.write("surfsup: interrupted; the frames done so far are in the trajectory\n")
+        sys.exit(130)
+    sys.exit(status if isinstance(status, int) else 0)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,139 @@
+"""One simulated scene in one folder: trajectory, page, video and summary."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import time
+from collections.abc import Callable, Iterable
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from surfsup import __version__
+from surfsup.errors import InputError
+from surfsup.scene import Scene, Start
+from surfsup.sdf import Surface
+from surfsup.trajectory import Provenance, TrajectoryWriter
+
+BYTES_PER_VALUE = 4
+
+Tell = Callable[[int, int], None]
+
+
+@dataclass(frozen=True)
+class Summary:
+    """What came of a simulation.
+
+    Attributes:
+        particles, frames: how many.
+        seconds: of computing, writing included.
+        ms_per_frame: of the simulator alone, without its set-up.
+        penetrations: particles inside the solid, summed over frames.
+        out_of_container: particles outside the container, likewise.
+        model: what simulated.
+        device: where.
+        version: of surfsup.
+    """
+
+    particles: int
+    frames: int
+    seconds: float
+    ms_per_frame: float
+    penetrations: int
+    out_of_container: int
+    model: str
+    device: str
+    version: str = __version__
+
+
+class OutputFolder:
+    """The folder that a simulation writes into."""
+
+    def __init__(self, path: Path) -> None:
+        """Take ``path`` as the output folder; it is made when the first file is.
+
+        Raises:
+            InputError: it is a file, or cannot be written.
+        """
+        self.path = path
+        self.trajectory = path / "trajectory.h5"
+        self.page = path / "page.html"
+        self.video = path / "video.mp4"
+        self.summary = path / "summary.json"
+        try:
+            path.mkdir(parents=True, exist_ok=True)
+            probe = path / ".writable"
+            probe.touch()
+            probe.unlink()
+        except OSError as error:
+            raise InputError(f"{path}: cannot be used as the output folder: {error.strerror}") from None
+
+    def check_room(self, particles: int, frames: int) -> None:
+        """Refuse to start what cannot end: the trajectory must find room on the disk.
+
+        Raises:
+            InputError: there is less free than the frames may take.
+        """
+        needed = particles * frames * 6 * BYTES_PER_VALUE
+        free = shutil.disk_usage(self.path).free
+        if free < needed:
+            raise InputError(
+                f"{self.path}: {frames} frames of {particles} particles take up to {needed / 1e6:.0f} MB, but only "
+                f"{free / 1e6:.0f} MB are free; give fewer --frames or another folder"
+            )
+
+    def record(
+        self,
+        scene: Scene,
+        surface: Surface | None,
+        start: Start,
+        frames: Iterable[tuple[np.ndarray, np.ndarray]],
+        provenance: Provenance,
+        device: str,
+        tell: Tell,
+    ) -> Summary:
+        """Take the frames as the simulator makes them, write them, and sum up.
+
+        An interrupt leaves a readable trajectory of the frames done and their summary, and goes on to the caller.
+        """
+        particles = len(start.positions)
+        self.check_room(particles, scene.frames)
+        began, simulating, done, inside, outside = time.perf_counter(), 0.0, 0, 0, 0
+        lower, upper = np.float32(scene.container.lower), np.float32(scene.container.upper)
+        source = iter(frames)
+        try:
+            with TrajectoryWriter(self.trajectory, scene, provenance, particles) as writer:
+                while True:
+                    before = time.perf_counter()
+                    frame = next(source, None)
+                    # The step to frame 1 carries the set-up: maps, first touches of memory.
+                    simulating += time.perf_counter() - before if done > 1 else 0.0
+                    if frame is None:
+                        break
+                    positions, velocities = frame
+                    writer.append(positions, velocities)
+                    outside += int(((positions < lower) | (positions > upper)).any(axis=-1).sum())
+                    if surface is not None:
+                        with torch.no_grad():
+                            inside += int((surface.distance(torch.from_numpy(positions)) < 0).sum())
+                    done += 1
+                    tell(done, scene.frames)
+        finally:
+            summary = Summary(
+                particles=particles,
+                frames=done,
+                seconds=round(time.perf_counter() - began, 2),
+                ms_per_frame=round(1000 * simulating / max(1, done - 2), 3),
+                penetrations=inside,
+                out_of_container=outside,
+                model=provenance.model,
+                device=device,
+            )
+            if done:
+                self.summary.write_text(json.dumps(asdict(summary), indent=2) + "\n")
+        return summary
+
+

@@ -1,0 +1,120 @@
+"""A scene from nothing but a mesh: it is scaled to fit, stands on the floor, and water falls on it from above."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from surfsup import sdf
+from surfsup.errors import InputError
+from surfsup.scene.fluid import PARTICLE_RADIUS, SPACING, Block, Fluid
+from surfsup.scene.scene import Container, Scene
+from surfsup.scene.shapes import MeshShape, Rotation, Shape
+
+FIT = 0.7  # metres: the largest extent of a fitted mesh
+BLOCK_SIDE = 0.45  # metres: 14 particles a side, the middle of the training data
+GAP = 0.1  # metres between the top of the mesh and the water
+
+
+@dataclass(frozen=True)
+class Placing:
+    """How a mesh stands in the container.
+
+    Attributes:
+        fit: largest extent in metres after scaling; None leaves the mesh as it is, in metres.
+        up: the mesh's own upward axis, "y" or "z"; None takes the file format's.
+        turn: degrees about z.
+        at: where the mesh's foot goes, metres.
+    """
+
+    fit: float | None = FIT
+    up: str | None = None
+    turn: float = 0.0
+    at: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+
+def pour_on_mesh(
+    path: Path,
+    placing: Placing,
+    container: Container,
+    block: Block | None,
+    frames: int,
+) -> tuple[Scene, str]:
+    """The scene of water falling on the mesh in ``path``.
+
+    Args:
+        path: the mesh file.
+        placing: how it stands.
+        container: what it stands in.
+        block: the water; left out, a cube of 0.45 m above the mesh.
+        frames: how long.
+
+    Returns:
+        The scene, and a line that says how the mesh was placed.
+
+    Raises:
+        InputError: the mesh cannot be used, does not fit the container, or leaves no room for water above.
+    """
+    mesh = sdf.load_mesh(path, up=placing.up)
+    own_extent = np.asarray(mesh.extents)
+    rotation = Rotation(axis=(0.0, 0.0, 1.0), degrees=placing.turn) if placing.turn else None
+    shape = Shape(
+        mesh=MeshShape(file=path.resolve(), fit=placing.fit, up=placing.up), rotate=rotation, at=placing.at
+    )
+    if placing.fit is not None:
+        mesh, _ = sdf.fit_mesh(mesh, placing.fit)
+    turn = sdf.axis_rotation((0.0, 0.0, 1.0), placing.turn).numpy()
+    corners = np.asarray(mesh.vertices) @ turn.T + np.asarray(placing.at)
+    lower, upper = corners.min(axis=0), corners.max(axis=0)
+    check_fits(path, lower, upper, container, fitted=placing.fit is not None)
+    water = block or block_above(lower, upper, container)
+    scene = Scene(container=container, surface=shape, fluid=[Fluid(block=water)], frames=frames)
+    size = " x ".join(f"{side:.2f}" for side in upper - lower)
+    said = f"{path.name} stands {size} m"
+    if placing.fit is not None:
+        own_size = " x ".join(f"{side:.3g}" for side in own_extent)
+        said += f" (its own {own_size}, scaled by {placing.fit / own_extent.max():.3g})"
+    return scene, said
+
+
+def check_fits(path: Path, lower: np.ndarray, upper: np.ndarray, container: Container, fitted: bool) -> None:
+    """Refuse a mesh that is larger than the container, reaches out of it, or is smaller than a particle.
+
+    Raises:
+        InputError: naming the size and the way out.
+    """
+    size = " x ".join(f"{side:.4g}" for side in upper - lower)
+    room = " x ".join(f"{side:.4g}" for side in container.size)
+    remedy = "give a smaller --fit or a larger --container" if fitted else "leave out --no-fit, so that it is scaled"
+    if (upper - lower > np.asarray(container.size) + 1e-6).any():
+        raise InputError(f"{path}: is {size} m, larger than the container of {room} m; {remedy}")
+    if (upper - lower).max() < 4 * PARTICLE_RADIUS:
+        raise InputError(f"{path}: is {size} m, too small to be met by particles {SPACING} m apart; {remedy}")
+    outside = (lower < np.asarray(container.lower) - 1e-6) | (upper > np.asarray(container.upper) + 1e-6)
+    if outside.any():
+        axis = int(np.argmax(outside))
+        raise InputError(
+            f"{path}: reaches from {lower[axis]:.3g} to {upper[axis]:.3g} m along {'xyz'[axis]}, out of the container "
+            f"({container.lower[axis]:.3g} to {container.upper[axis]:.3g} m); move it with --at"
+        )
+
+
+def block_above(lower: np.ndarray, upper: np.ndarray, container: Container) -> Block:
+    """A cube of water above the middle of a solid that reaches from ``lower`` to ``upper`` (3,).
+
+    Raises:
+        InputError: there is no room below the ceiling.
+    """
+    sides = np.minimum(BLOCK_SIDE, np.asarray(container.size))
+    middle = (lower + upper)[:2] / 2
+    low = np.clip(middle - sides[:2] / 2, container.lower[:2], np.asarray(container.upper[:2]) - sides[:2])
+    bottom = upper[2] + GAP
+    top = min(bottom + sides[2], container.size[2])
+    if top - bottom < 2 * SPACING:
+        raise InputError(
+            f"there is no room for water between the solid's top at {upper[2]:.3g} m and the ceiling at "
+            f"{container.size[2]:.3g} m; give a smaller --fit, a taller --container or a block of your own"
+        )
+    return Block(min=(*low.tolist(), float(bottom)), max=(*(low + sides[:2]).tolist(), float(top)))
