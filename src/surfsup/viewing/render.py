@@ -42,10 +42,10 @@ class FrameRenderer:
         self._stage = Stage(solid, self._camera, self._raster)
         self._rays = self._camera.rays()
         self._edges = _container_edges(container_size, self._camera)
-        # Where water may cast a shadow: on the solid and on the floor of the container and close to it.
+        # Where water may cast a shadow: on the solid and on the floor, up to as far as a low sun throws it.
         depth = np.where(np.isfinite(self._stage.depth), self._stage.depth, 0.0)[..., None]
         points = self._camera.eye.astype(np.float32) + depth * self._rays
-        near = np.abs(points[..., :2]).max(-1) < 0.75 * max(container_size[:2])
+        near = np.abs(points[..., :2]).max(-1) < 2.0 * max(container_size)
         self._ground = near & np.isfinite(self._stage.depth)
         self._ground_points = points[self._ground]
         self._raster.perspective(self._camera, *view_range(self._camera))

@@ -1,0 +1,379 @@
+"use strict";
+// Shows a trajectory: particles that move along straight lines between stored frames, drawn as water or by their speed.
+// Water is a screen-space fluid (van der Laan, Green, Sainz 2009): draw spheres' depth, smooth it, light what results.
+
+const header = JSON.parse(document.getElementById("header").textContent);
+const canvas = document.getElementById("view");
+const say = (text) => { document.getElementById("message").textContent = text; };
+
+// ---- small matrices, column by column, as WebGL wants them
+const sub = (a, b) => a.map((x, i) => x - b[i]);
+const dot = (a, b) => a.reduce((s, x, i) => s + x * b[i], 0);
+const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
+const unit = (a) => { const l = Math.hypot(...a); return a.map((x) => x / l); };
+function lookAt(eye, target, up) {
+  const f = unit(sub(target, eye)), r = unit(cross(f, up)), u = cross(r, f);
+  return [r[0], u[0], -f[0], 0, r[1], u[1], -f[1], 0, r[2], u[2], -f[2], 0, -dot(r, eye), -dot(u, eye), dot(f, eye), 1];
+}
+function multiply(a, b) {
+  const o = new Array(16).fill(0);
+  for (let c = 0; c < 4; c++) for (let r = 0; r < 4; r++) for (let k = 0; k < 4; k++) o[c * 4 + r] += a[k * 4 + r] * b[c * 4 + k];
+  return o;
+}
+function perspective(fov, aspect, near, far) {
+  const f = 1 / Math.tan(fov / 2);
+  return [f / aspect, 0, 0, 0, 0, f, 0, 0, 0, 0, (far + near) / (near - far), -1, 0, 0, 2 * far * near / (near - far), 0];
+}
+function parallel(half, near, far) {
+  return [1 / half, 0, 0, 0, 0, 1 / half, 0, 0, 0, 0, 2 / (near - far), 0, 0, 0, (far + near) / (near - far), 1];
+}
+
+// ---- shaders
+const COMMON = `#version 300 es
+precision highp float; precision highp int; precision highp sampler2DShadow;
+const vec3 SUN = normalize(vec3(-0.45, -0.42, 0.79));
+vec3 display(vec3 c) { c = mix(c, 0.8 + 0.2 * (1.0 - exp(-(c - 0.8) / 0.2)), step(0.8, c)); return pow(clamp(c, 0.0, 1.0), vec3(1.0 / 2.2)); }
+vec3 linear(vec3 c) { return pow(c, vec3(2.2)); }
+vec3 surroundings(vec3 d) {
+  vec3 c = mix(vec3(0.93, 0.95, 0.97), vec3(0.56, 0.68, 0.86), pow(clamp(d.z, 0.0, 1.0), 0.6));
+  c = mix(c, vec3(0.69), clamp(-d.z * 5.0, 0.0, 1.0));
+  return c + smoothstep(0.86, 0.92, dot(d, SUN)) * 1.6;
+}
+`;
+const SHADOW = `
+uniform sampler2DShadow shadowMap; uniform mat4 toSun;
+float sunlit(vec3 p) {
+  vec3 q = (toSun * vec4(p, 1.0)).xyz * 0.5 + 0.5;
+  if (any(lessThan(q.xy, vec2(0.0))) || any(greaterThan(q.xy, vec2(1.0)))) return 1.0;
+  float s = 0.0;
+  for (int y = -2; y <= 2; y++) for (int x = -2; x <= 2; x++) s += texture(shadowMap, vec3(q.xy + vec2(x, y) * 0.0022, q.z - 0.004));
+  return s / 25.0;
+}
+`;
+const PARTICLE = `
+layout(location = 0) in vec2 corner; layout(location = 1) in vec3 before; layout(location = 2) in vec3 after;
+uniform float mixing, radius, frameTime; uniform vec3 low, extent; uniform mat4 view, projection;
+out vec2 disc; out vec3 centre; out float speed;
+void main() {
+  vec3 a = low + before * extent, b = low + after * extent;
+  centre = (view * vec4(mix(a, b, mixing), 1.0)).xyz;
+  speed = length(b - a) / frameTime;
+  disc = corner;
+  gl_Position = projection * vec4(centre + vec3(corner * radius, 0.0), 1.0);
+}`;
+const SPHERE = `
+in vec2 disc; in vec3 centre; in float speed; uniform float radius; uniform mat4 projection;
+vec3 sphere() {
+  float r2 = dot(disc, disc); if (r2 > 1.0) discard;
+  vec3 n = vec3(disc, sqrt(1.0 - r2));
+  vec4 clip = projection * vec4(centre + n * radius, 1.0);
+  gl_FragDepth = clip.z / clip.w * 0.5 + 0.5;
+  return n;
+}
+`;
+const SCREEN = `layout(location = 0) in vec2 corner; out vec2 at; void main() { at = corner * 0.5 + 0.5; gl_Position = vec4(corner, 0.0, 1.0); }`;
+
+const SOURCES = {
+  depthOnly: [`layout(location = 0) in vec3 position; uniform mat4 toSun; void main() { gl_Position = toSun * vec4(position, 1.0); }`, `void main() {}`],
+  particleShadow: [PARTICLE, SPHERE + `void main() { sphere(); }`],
+  floor: [`layout(location = 0) in vec2 corner; uniform mat4 view, projection; out vec3 p;
+    void main() { p = vec3(corner * 12.0, 0.0); gl_Position = projection * view * vec4(p, 1.0); }`,
+  SHADOW + `in vec3 p; uniform vec2 viewport; uniform float contact; out vec4 colour;
+    void main() {
+      float far = smoothstep(0.75, 2.6, length(p.xy));
+      vec3 c = vec3(0.93, 0.94, 0.95) * mix(vec3(0.56, 0.60, 0.66), vec3(1.0), sunlit(p));
+      float up = gl_FragCoord.y / viewport.y;
+      colour = vec4(mix(c, mix(vec3(0.93, 0.95, 0.97), vec3(0.70, 0.79, 0.88), up * 0.9), far), 1.0); colour.rgb = display(colour.rgb);
+    }`],
+  backdrop: [SCREEN, `in vec2 at; out vec4 colour; void main() { colour = vec4(display(mix(vec3(0.93, 0.95, 0.97), vec3(0.70, 0.79, 0.88), at.y * 0.9)), 1.0); }`],
+  solid: [`layout(location = 0) in vec3 position; layout(location = 1) in vec3 normal; uniform mat4 view, projection; out vec3 p, n;
+    void main() { p = position; n = normal; gl_Position = projection * view * vec4(p, 1.0); }`,
+  SHADOW + `in vec3 p, n; uniform vec3 eye; out vec4 colour;
+    void main() {
+      vec3 m = normalize(n), v = normalize(eye - p); if (dot(m, v) < 0.0) m = -m;
+      float sun = max(dot(m, SUN), 0.0) * sunlit(p + m * 0.01);
+      float sky = 0.5 + 0.5 * m.z, low = clamp(p.z / 0.35, 0.0, 1.0);
+      vec3 light = sun * vec3(1.0, 0.94, 0.84) * 0.80 + sky * vec3(0.66, 0.76, 0.90) * 0.46 * (0.6 + 0.4 * low)
+                 + (1.0 - sky) * vec3(0.8, 0.78, 0.74) * 0.26 * (0.35 + 0.65 * low);
+      float rim = pow(1.0 - max(dot(m, v), 0.0), 4.0) * 0.10;
+      colour = vec4(display(vec3(0.74, 0.38, 0.21) * light + rim), 1.0);
+    }`],
+  lines: [`layout(location = 0) in vec3 position; uniform mat4 view, projection; uniform float height; out float fade;
+    void main() { fade = mix(0.55, 0.12, position.z / height); gl_Position = projection * view * vec4(position, 1.0); gl_Position.z -= 2e-4 * gl_Position.w; }`,
+  `in float fade; out vec4 colour; void main() { colour = vec4(0.42, 0.49, 0.55, fade); }`],
+  speed: [PARTICLE, SPHERE + `uniform mat4 view; out vec4 colour;
+    void main() {
+      vec3 n = transpose(mat3(view)) * sphere();
+      float s = clamp(speed / 4.5, 0.0, 1.0);
+      vec3 slow = vec3(0.03, 0.14, 0.42), mid = vec3(0.03, 0.50, 0.72), fast = vec3(0.86, 0.93, 0.90);
+      vec3 c = s < 0.5 ? mix(slow, mid, s * 2.0) : mix(mid, fast, s * 2.0 - 1.0);
+      colour = vec4(display(c * (0.45 + 0.65 * max(dot(n, SUN), 0.0) + 0.2 * n.z)), 1.0);
+    }`],
+  fluidDepth: [PARTICLE, SPHERE + `out float depth; void main() { depth = -(centre.z + sphere().z * radius); }`],
+  thickness: [PARTICLE, `in vec2 disc; uniform float radius; out float water;
+    void main() { float r2 = dot(disc, disc); if (r2 > 1.0) discard; water = 1.6 * radius * (1.0 - r2); }`],
+  // A bilateral blur, one direction at a time: depths farther off than a few radii belong to something else.
+  smooth_: [SCREEN, `in vec2 at; uniform sampler2D source; uniform vec2 step_; uniform float radius, pixelsAMetre; out float depth;
+    void main() {
+      float d = texelFetch(source, ivec2(gl_FragCoord.xy), 0).r; if (d > 1e3) { depth = d; return; }
+      float reach = clamp(2.2 * radius * pixelsAMetre / d, 2.0, 22.0), sum = 0.0, weight = 0.0;
+      ivec2 limit = textureSize(source, 0) - 1;
+      for (float i = -12.0; i <= 12.0; i += 1.0) {
+        float o = i / 12.0 * reach;
+        float e = texelFetch(source, clamp(ivec2(gl_FragCoord.xy + step_ * o), ivec2(0), limit), 0).r;
+        float t = (e - d) / (2.0 * radius), w = exp(-i * i / 60.0) * exp(-t * t);
+        sum += w * e; weight += w;
+      }
+      depth = sum / weight;
+    }`],
+  compose: [SCREEN, `in vec2 at; uniform sampler2D scene, sceneDepth, fluid, waterDepth; uniform mat4 view; uniform vec2 lens; uniform vec2 range; out vec4 colour;
+    float metres(float z) { return range.x * range.y / (range.y - z * (range.y - range.x)); }
+    vec3 place(vec2 q, float d) { return vec3((q * 2.0 - 1.0) * lens * d, -d); }
+    float depthAt(vec2 q) { return texture(fluid, q).r; }
+    void main() {
+      vec3 behind = texture(scene, at).rgb; float d = depthAt(at), solid = metres(texture(sceneDepth, at).r);
+      if (d > 1e3 || d > solid) { colour = vec4(behind, 1.0); return; }
+      vec2 px = 1.0 / vec2(textureSize(fluid, 0)); vec3 p = place(at, d);
+      // The flatter of the two neighbours on each axis: normals must not bend around an outline.
+      vec3 r = place(at + vec2(px.x, 0), depthAt(at + vec2(px.x, 0))) - p, l = p - place(at - vec2(px.x, 0), depthAt(at - vec2(px.x, 0)));
+      vec3 u = place(at + vec2(0, px.y), depthAt(at + vec2(0, px.y))) - p, b = p - place(at - vec2(0, px.y), depthAt(at - vec2(0, px.y)));
+      vec3 n = normalize(cross(abs(r.z) < abs(l.z) ? r : l, abs(u.z) < abs(b.z) ? u : b));
+      vec3 v = normalize(-p); float facing = clamp(dot(n, v), 0.02, 1.0);
+      float water = texture(waterDepth, at).r;
+      water = min(water, max(solid - d, 0.0) + 0.02);
+      vec2 aside = at - n.xy * clamp(water, 0.02, 0.2) * 0.35 / (lens * 2.0 * d);
+      if (metres(texture(sceneDepth, aside).r) < d) aside = at;
+      vec3 through = linear(texture(scene, aside).rgb);
+      mat3 back = transpose(mat3(view)); vec3 m = back * n, w = back * v;
+      vec3 clear = exp(-vec3(15.0, 4.8, 2.3) * water);
+      vec3 body = through * clear + vec3(0.05, 0.30, 0.50) * (0.62 + 0.38 * dot(m, SUN)) * (1.0 - clear);
+      float fresnel = 0.02 + 0.98 * pow(1.0 - facing, 5.0);
+      vec3 reflected = 2.0 * facing * m - w;
+      vec3 c = mix(body, surroundings(reflected), fresnel * 0.85) + 0.55 * pow(clamp(dot(reflected, SUN), 0.0, 1.0), 160.0);
+      colour = vec4(display(c), 1.0);
+    }`],
+  copy: [SCREEN, `in vec2 at; uniform sampler2D scene; out vec4 colour; void main() { colour = texture(scene, at); }`],
+};
+
+function build(gl) {
+  const programs = {};
+  for (const [name, parts] of Object.entries(SOURCES)) {
+    const program = gl.createProgram();
+    parts.forEach((text, i) => {
+      const shader = gl.createShader(i ? gl.FRAGMENT_SHADER : gl.VERTEX_SHADER);
+      gl.shaderSource(shader, COMMON + text); gl.compileShader(shader); gl.attachShader(program, shader);
+      if (!gl.getShaderParameter(shader, gl.COMPILE_STATUS)) throw new Error(name + ": " + gl.getShaderInfoLog(shader));
+    });
+    gl.linkProgram(program);
+    if (!gl.getProgramParameter(program, gl.LINK_STATUS)) throw new Error(name + ": " + gl.getProgramInfoLog(program));
+    const where = {};
+    for (let i = 0; i < gl.getProgramParameter(program, gl.ACTIVE_UNIFORMS); i++) {
+      const info = gl.getActiveUniform(program, i);
+      where[info.name] = [gl.getUniformLocation(program, info.name), info.type];
+    }
+    programs[name] = { program, where };
+  }
+  return programs;
+}
+
+async function unpack() {
+  const text = document.getElementById("data").textContent.trim(), bytes = Uint8Array.from(atob(text), (c) => c.charCodeAt(0));
+  const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("gzip"));
+  const buffer = await new Response(stream).arrayBuffer();
+  let at = 0;
+  const take = (Kind, count) => { const a = new Kind(buffer, at, count); at += a.byteLength; return a; };
+  const faces = take(Uint32Array, header.faces * 3), vertices = take(Float32Array, header.vertices * 3);
+  const normals = take(Float32Array, header.vertices * 3), positions = take(Uint16Array, header.frames * header.particles * 3);
+  const step = header.particles * 3;  // stored as differences to the frame before, modulo 2^16
+  for (let i = step; i < positions.length; i++) positions[i] = positions[i] + positions[i - step];
+  return { faces, vertices, normals, positions };
+}
+
+function main(data) {
+  const gl = canvas.getContext("webgl2", { antialias: false, alpha: false });
+  if (!gl) { say("This page needs WebGL 2."); return; }
+  const canWater = !!gl.getExtension("EXT_color_buffer_float") && !!(gl.getExtension("EXT_float_blend") || true);
+  const look = document.getElementById("look");
+  if (!canWater) { look.value = "speed"; look.disabled = true; }
+  const programs = build(gl);
+
+  // ---- buffers
+  const upload = (target, array) => { const b = gl.createBuffer(); gl.bindBuffer(target, b); gl.bufferData(target, array, gl.STATIC_DRAW); return b; };
+  const corners = upload(gl.ARRAY_BUFFER, new Float32Array([-1, -1, 1, -1, -1, 1, 1, 1]));
+  const screen = gl.createVertexArray(); gl.bindVertexArray(screen);
+  gl.enableVertexAttribArray(0); gl.vertexAttribPointer(0, 2, gl.FLOAT, false, 0, 0);
+  const solid = gl.createVertexArray(); gl.bindVertexArray(solid);
+  upload(gl.ARRAY_BUFFER, data.vertices); gl.enableVertexAttribArray(0); gl.vertexAttribPointer(0, 3, gl.FLOAT, false, 0, 0);
+  upload(gl.ARRAY_BUFFER, data.normals); gl.enableVertexAttribArray(1); gl.vertexAttribPointer(1, 3, gl.FLOAT, false, 0, 0);
+  upload(gl.ELEMENT_ARRAY_BUFFER, data.faces);
+  const [cx, cy, cz] = header.container, box = [];
+  const corner = (i, z) => [[-cx, -cy], [cx, -cy], [cx, cy], [-cx, cy]][i % 4].map((x) => x / 2).concat([z]);
+  for (let i = 0; i < 4; i++) box.push(corner(i, 0), corner(i + 1, 0), corner(i, cz), corner(i + 1, cz), corner(i, 0), corner(i, cz));
+  const lines = gl.createVertexArray(); gl.bindVertexArray(lines);
+  upload(gl.ARRAY_BUFFER, new Float32Array(box.flat())); gl.enableVertexAttribArray(0); gl.vertexAttribPointer(0, 3, gl.FLOAT, false, 0, 0);
+  const particles = gl.createVertexArray(); gl.bindVertexArray(particles);
+  gl.bindBuffer(gl.ARRAY_BUFFER, corners); gl.enableVertexAttribArray(0); gl.vertexAttribPointer(0, 2, gl.FLOAT, false, 0, 0);
+  const before = gl.createBuffer(), after = gl.createBuffer(), size = header.particles * 3;
+  [before, after].forEach((b, i) => {
+    gl.bindBuffer(gl.ARRAY_BUFFER, b); gl.bufferData(gl.ARRAY_BUFFER, size * 2, gl.DYNAMIC_DRAW);
+    gl.enableVertexAttribArray(i + 1); gl.vertexAttribPointer(i + 1, 3, gl.UNSIGNED_SHORT, true, 0, 0); gl.vertexAttribDivisor(i + 1, 1);
+  });
+
+  // ---- textures to draw into
+  const target = (w, h, inner, format, type, filter, depthTexture) => {
+    const texture = (i, f, t, flt) => {
+      const x = gl.createTexture(); gl.bindTexture(gl.TEXTURE_2D, x); gl.texImage2D(gl.TEXTURE_2D, 0, i, w, h, 0, f, t, null);
+      for (const p of [gl.TEXTURE_MIN_FILTER, gl.TEXTURE_MAG_FILTER]) gl.texParameteri(gl.TEXTURE_2D, p, flt);
+      for (const p of [gl.TEXTURE_WRAP_S, gl.TEXTURE_WRAP_T]) gl.texParameteri(gl.TEXTURE_2D, p, gl.CLAMP_TO_EDGE);
+      return x;
+    };
+    const frame = gl.createFramebuffer(); gl.bindFramebuffer(gl.FRAMEBUFFER, frame);
+    const out = { frame, w, h };
+    if (inner) { out.colour = texture(inner, format, type, filter); gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.TEXTURE_2D, out.colour, 0); }
+    if (depthTexture) { out.depth = texture(gl.DEPTH_COMPONENT24, gl.DEPTH_COMPONENT, gl.UNSIGNED_INT, gl.NEAREST); gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.DEPTH_ATTACHMENT, gl.TEXTURE_2D, out.depth, 0); }
+    return out;
+  };
+  const shadow = target(1024, 1024, 0, 0, 0, 0, true);
+  gl.bindTexture(gl.TEXTURE_2D, shadow.depth);
+  gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_COMPARE_MODE, gl.COMPARE_REF_TO_TEXTURE);
+  for (const p of [gl.TEXTURE_MIN_FILTER, gl.TEXTURE_MAG_FILTER]) gl.texParameteri(gl.TEXTURE_2D, p, gl.LINEAR);
+  let targets = null;
+  function resize() {
+    const ratio = Math.min(window.devicePixelRatio || 1, 2), w = Math.max(2, Math.round(canvas.clientWidth * ratio)), h = Math.max(2, Math.round(canvas.clientHeight * ratio));
+    if (targets && canvas.width === w && canvas.height === h) return;
+    if (targets) for (const t of Object.values(targets)) { gl.deleteFramebuffer(t.frame); gl.deleteTexture(t.colour); if (t.depth) gl.deleteTexture(t.depth); }
+    canvas.width = w; canvas.height = h;
+    targets = { scene: target(w, h, gl.RGBA8, gl.RGBA, gl.UNSIGNED_BYTE, gl.LINEAR, true) };
+    if (canWater) {
+      targets.fluid = target(w, h, gl.R32F, gl.RED, gl.FLOAT, gl.NEAREST, true);
+      targets.other = target(w, h, gl.R32F, gl.RED, gl.FLOAT, gl.NEAREST, false);
+      targets.water = target(w >> 1, h >> 1, gl.R16F, gl.RED, gl.HALF_FLOAT, gl.LINEAR, false);
+    }
+  }
+
+  // ---- drawing
+  let active = null;
+  const setters = {
+    [gl.FLOAT]: (l, v) => gl.uniform1f(l, v), [gl.FLOAT_VEC2]: (l, v) => gl.uniform2fv(l, v), [gl.FLOAT_VEC3]: (l, v) => gl.uniform3fv(l, v),
+    [gl.FLOAT_MAT4]: (l, v) => gl.uniformMatrix4fv(l, false, v), [gl.SAMPLER_2D]: (l, v) => gl.uniform1i(l, v), [gl.SAMPLER_2D_SHADOW]: (l, v) => gl.uniform1i(l, v),
+  };
+  const use = (name, values, textures = {}) => {
+    active = programs[name]; gl.useProgram(active.program); let unit_ = 0;
+    for (const [key, texture] of Object.entries(textures)) {
+      gl.activeTexture(gl.TEXTURE0 + unit_); gl.bindTexture(gl.TEXTURE_2D, texture);
+      if (active.where[key]) setters[active.where[key][1]](active.where[key][0], unit_);
+      unit_++;
+    }
+    for (const [key, value] of Object.entries(values)) if (active.where[key]) setters[active.where[key][1]](active.where[key][0], value);
+  };
+  const into = (t, w, h) => { gl.bindFramebuffer(gl.FRAMEBUFFER, t ? t.frame : null); gl.viewport(0, 0, t ? t.w : w, t ? t.h : h); };
+  const fill = () => { gl.bindVertexArray(screen); gl.drawArrays(gl.TRIANGLE_STRIP, 0, 4); };
+  const drawSolid = () => { if (header.faces) { gl.bindVertexArray(solid); gl.drawElements(gl.TRIANGLES, header.faces * 3, gl.UNSIGNED_INT, 0); } };
+  const drawParticles = () => { gl.bindVertexArray(particles); gl.drawArraysInstanced(gl.TRIANGLE_STRIP, 0, 4, header.particles); };
+
+  const start = sub(header.eye, header.target), far0 = Math.hypot(...start);
+  const orbit = { azimuth: Math.atan2(start[1], start[0]), elevation: Math.asin(start[2] / far0), distance: far0, target: header.target.slice() };
+  const fov = header.fov * Math.PI / 180;
+  const sun = unit([-0.45, -0.42, 0.79]), reach = 0.75 * Math.hypot(cx, cy) + 0.35, mid = [0, 0, 0.45];
+  const sunView = lookAt(mid.map((m, i) => m + sun[i] * 6), mid, [0, 0, 1]), sunLens = parallel(reach, 1, 12), toSun = multiply(sunLens, sunView);
+  let shown = -1;
+
+  function draw(time) {
+    resize();
+    const exact = Math.min(time / header.frameTime, header.frames - 1), frame = Math.min(Math.floor(exact), Math.max(header.frames - 2, 0)), mixing = exact - frame;
+    if (frame !== shown) {
+      const pick = (f) => data.positions.subarray(f * size, (f + 1) * size);
+      gl.bindBuffer(gl.ARRAY_BUFFER, before); gl.bufferSubData(gl.ARRAY_BUFFER, 0, pick(frame));
+      gl.bindBuffer(gl.ARRAY_BUFFER, after); gl.bufferSubData(gl.ARRAY_BUFFER, 0, pick(Math.min(frame + 1, header.frames - 1)));
+      shown = frame;
+    }
+    const w = canvas.width, h = canvas.height, aspect = w / h, wide = Math.max(1, header.aspect / aspect);
+    const distance = orbit.distance * wide, c = Math.cos(orbit.elevation);
+    const eye = orbit.target.map((t, i) => t + distance * [c * Math.cos(orbit.azimuth), c * Math.sin(orbit.azimuth), Math.sin(orbit.elevation)][i]);
+    const near = 0.05 * distance, far = 3 * distance + 10;
+    const view = lookAt(eye, orbit.target, [0, 0, 1]), projection = perspective(fov, aspect, near, far);
+    const values = { view, projection, eye, toSun, mixing, low: header.low, extent: header.extent, frameTime: header.frameTime, viewport: [w, h], height: cz, radius: header.radius };
+
+    gl.enable(gl.DEPTH_TEST); gl.disable(gl.BLEND); gl.depthMask(true);
+    into(shadow); gl.clear(gl.DEPTH_BUFFER_BIT);
+    use("depthOnly", values); drawSolid();
+    use("particleShadow", { ...values, view: sunView, projection: sunLens, radius: header.radius }); drawParticles();
+
+    const asWater = look.value === "water";
+    into(targets.scene); gl.clear(gl.DEPTH_BUFFER_BIT);
+    gl.disable(gl.DEPTH_TEST); use("backdrop", values); fill(); gl.enable(gl.DEPTH_TEST);
+    if (eye[2] > 0) { use("floor", values, { shadowMap: shadow.depth }); fill(); }
+    use("solid", values, { shadowMap: shadow.depth }); drawSolid();
+    if (!asWater) { use("speed", { ...values, radius: header.radius * 1.05 }); drawParticles(); }
+    gl.enable(gl.BLEND); gl.blendFunc(gl.SRC_ALPHA, gl.ONE_MINUS_SRC_ALPHA); gl.depthMask(false);
+    use("lines", values); gl.bindVertexArray(lines); gl.drawArrays(gl.LINES, 0, 24);
+    gl.disable(gl.BLEND); gl.depthMask(true);
+
+    if (!asWater) { gl.disable(gl.DEPTH_TEST); into(null, w, h); use("copy", {}, { scene: targets.scene.colour }); fill(); return; }
+    const drop = { ...values, radius: header.radius * 1.45 };  // so that neighbours overlap and the smoothed surface has no holes
+    into(targets.fluid); gl.clearBufferfv(gl.COLOR, 0, [1e4, 0, 0, 0]); gl.clear(gl.DEPTH_BUFFER_BIT);
+    use("fluidDepth", drop); drawParticles();
+    gl.disable(gl.DEPTH_TEST);
+    into(targets.water); gl.clearBufferfv(gl.COLOR, 0, [0, 0, 0, 0]);
+    gl.enable(gl.BLEND); gl.blendFunc(gl.ONE, gl.ONE);
+    use("thickness", { ...values, radius: header.radius * 1.9 }); drawParticles();
+    gl.disable(gl.BLEND);
+    const lensY = Math.tan(fov / 2), blur = { radius: header.radius, pixelsAMetre: h / 2 / lensY };
+    for (let i = 0; i < 2; i++) {
+      into(targets.other); use("smooth_", { ...blur, step_: [1, 0] }, { source: targets.fluid.colour }); fill();
+      into(targets.fluid); use("smooth_", { ...blur, step_: [0, 1] }, { source: targets.other.colour }); fill();
+    }
+    into(null, w, h);
+    use("compose", { view, lens: [lensY * aspect, lensY], range: [near, far] },
+      { scene: targets.scene.colour, sceneDepth: targets.scene.depth, fluid: targets.fluid.colour, waterDepth: targets.water.colour });
+    fill();
+  }
+
+  // ---- time and hands
+  const bar = document.getElementById("time"), clock = document.getElementById("clock"), button = document.getElementById("play"), speed = document.getElementById("speed");
+  const last = header.frameTime * (header.frames - 1), wanted = new URLSearchParams(location.hash.slice(1));
+  let time = Math.min(parseFloat(wanted.get("t")) || 0, last), playing = !wanted.has("t"), then = null, dirty = true;
+  if (wanted.has("look") && canWater) look.value = wanted.get("look") === "speed" ? "speed" : "water";
+  bar.max = last || 1;
+  const setPlaying = (on) => { if (on && time >= last) time = 0; playing = on; button.innerHTML = on ? "&#10074;&#10074;" : "&#9654;"; dirty = true; };
+  button.onclick = () => setPlaying(!playing);
+  bar.oninput = () => { time = parseFloat(bar.value); setPlaying(false); };
+  look.onchange = () => { dirty = true; };
+  window.addEventListener("resize", () => { dirty = true; });
+  window.addEventListener("keydown", (e) => {
+    if (e.target === bar || e.target.tagName === "SELECT") return;
+    if (e.code === "Space") { e.preventDefault(); button.blur(); setPlaying(!playing); }
+    if (e.code === "ArrowRight" || e.code === "ArrowLeft") { setPlaying(false); time = Math.min(Math.max(time + (e.code === "ArrowRight" ? 1 : -1) * header.frameTime, 0), last); }
+  });
+  const held = new Map(); let pinch = 0;
+  canvas.addEventListener("contextmenu", (e) => e.preventDefault());
+  canvas.addEventListener("pointerdown", (e) => { canvas.setPointerCapture(e.pointerId); held.set(e.pointerId, [e.clientX, e.clientY, e.button]); pinch = 0; });
+  for (const name of ["pointerup", "pointercancel"]) canvas.addEventListener(name, (e) => { held.delete(e.pointerId); pinch = 0; });
+  canvas.addEventListener("pointermove", (e) => {
+    const old = held.get(e.pointerId); if (!old) return;
+    const dx = e.clientX - old[0], dy = e.clientY - old[1]; held.set(e.pointerId, [e.clientX, e.clientY, old[2]]); dirty = true;
+    if (held.size === 2) {
+      const [a, b] = [...held.values()], apart = Math.hypot(a[0] - b[0], a[1] - b[1]);
+      if (pinch) orbit.distance = Math.min(Math.max(orbit.distance * pinch / apart, 0.3), 20);
+      pinch = apart; return;
+    }
+    if (old[2] === 2 || e.shiftKey) {
+      const a = orbit.azimuth, scale = orbit.distance * 2 * Math.tan(fov / 2) / canvas.clientHeight;
+      orbit.target[0] += Math.sin(a) * dx * scale; orbit.target[1] -= Math.cos(a) * dx * scale; orbit.target[2] += dy * scale;
+    } else {
+      orbit.azimuth -= dx * 0.006; orbit.elevation = Math.min(Math.max(orbit.elevation + dy * 0.006, -0.2), 1.55);
+    }
+  });
+  canvas.addEventListener("wheel", (e) => { e.preventDefault(); orbit.distance = Math.min(Math.max(orbit.distance * Math.exp(e.deltaY * 0.001), 0.3), 20); dirty = true; }, { passive: false });
+  setPlaying(playing);
+  function tick(now) {
+    if (playing && then !== null) { time += Math.min((now - then) / 1000, 0.1) * parseFloat(speed.value); if (time >= last) { time = last; setPlaying(false); } }
+    then = now;
+    bar.value = time; clock.textContent = time.toFixed(2) + " / " + last.toFixed(2) + " s";
+    if (playing || dirty || Math.abs(time - tick.drawn) > 1e-9) { dirty = false; tick.drawn = time; draw(time); }
+    requestAnimationFrame(tick);
+  }
+  requestAnimationFrame(tick);
+}
+
+unpack().then(main).catch((error) => { say("This page could not be shown: " + error.message); console.error(error); });
