@@ -1,4 +1,4 @@
-"""A scene from nothing but a mesh: it is scaled to fit, stands on the floor, and water falls on it from above."""
+"""A scene from nothing but a mesh: scaled to fit, it stands on the floor, and water falls on it from above."""
 
 from __future__ import annotations
 
@@ -87,7 +87,11 @@ def check_fits(path: Path, lower: np.ndarray, upper: np.ndarray, container: Cont
     """
     size = " x ".join(f"{side:.4g}" for side in upper - lower)
     room = " x ".join(f"{side:.4g}" for side in container.size)
-    remedy = "give a smaller --fit or a larger --container" if fitted else "leave out --no-fit, so that it is scaled"
+    remedy = (
+        "give a smaller --fit or a larger --container"
+        if fitted
+        else "leave out --no-fit, so that it is scaled"
+    )
     if (upper - lower > np.asarray(container.size) + 1e-6).any():
         raise InputError(f"{path}: is {size} m, larger than the container of {room} m; {remedy}")
     if (upper - lower).max() < 4 * PARTICLE_RADIUS:
@@ -96,8 +100,8 @@ def check_fits(path: Path, lower: np.ndarray, upper: np.ndarray, container: Cont
     if outside.any():
         axis = int(np.argmax(outside))
         raise InputError(
-            f"{path}: reaches from {lower[axis]:.3g} to {upper[axis]:.3g} m along {'xyz'[axis]}, out of the container "
-            f"({container.lower[axis]:.3g} to {container.upper[axis]:.3g} m); move it with --at"
+            f"{path}: reaches from {lower[axis]:.3g} to {upper[axis]:.3g} m along {'xyz'[axis]}, out of "
+            f"the container ({container.lower[axis]:.3g} to {container.upper[axis]:.3g} m); move it with --at"
         )
 
 

@@ -10,24 +10,27 @@ from surfsup.errors import InputError
 class PlainLoader(yaml.SafeLoader):
     """YAML without what can hide or multiply content: no aliases, no key twice.
 
-    A few lines of nested aliases unfold to more values than a machine can hold ("billion laughs"), and of two equal
-    keys YAML silently keeps the last.
+    A few lines of nested aliases unfold to more values than a machine can hold ("billion laughs"), and of two
+    equal keys YAML silently keeps the last.
     """
 
     def compose_node(self, parent: yaml.Node | None, index: object) -> yaml.Node:
         """The next node; an alias is refused."""
         if self.check_event(yaml.AliasEvent):
             event = self.peek_event()
-            raise yaml.MarkedYAMLError(problem="aliases are not read, write the values out", problem_mark=event.start_mark)
+            raise yaml.MarkedYAMLError(
+                problem="aliases are not read, write the values out", problem_mark=event.start_mark
+            )
         return super().compose_node(parent, index)
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict:
         """The mapping; a key that comes twice is refused."""
         seen = set()
         for key, _ in node.value:
-            if key.value.__hash__ and key.value in seen:
-                raise yaml.MarkedYAMLError(problem=f"key '{key.value}' comes twice", problem_mark=key.start_mark)
-            seen.add(key.value if key.value.__hash__ else id(key))
+            name = str(key.value)
+            if name in seen:
+                raise yaml.MarkedYAMLError(problem=f"key '{name}' comes twice", problem_mark=key.start_mark)
+            seen.add(name)
         return super().construct_mapping(node, deep)
 
 

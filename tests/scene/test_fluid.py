@@ -1,0 +1,45 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from surfsup.scene import SPACING, Block
+from surfsup.scene.fluid import particles_along
+
+
+@pytest.mark.parametrize(
+    ("size", "count"), [(0.06, 1), (0.0899, 1), (0.09, 2), (0.3, 9), (0.4, 12), (0.45, 14), (0.5, 15)]
+)
+def test_a_side_holds_one_place_fewer_than_whole_spacings(size, count):
+    """The solver's rule; that it is the solver's is tested against the solver itself."""
+    assert particles_along(0.0, size) == count
+    assert particles_along(-size / 2, size / 2) == count
+
+
+def test_the_lattice_starts_one_spacing_inside_the_block():
+    positions = Block(min=(-0.1, 0.0, 1.0), max=(0.0, 0.07, 1.13)).positions()
+    assert positions.dtype == np.float32
+    x, y, z = (np.unique(column) for column in positions.T)
+    np.testing.assert_allclose(x, [-0.07, -0.04], atol=1e-6)
+    np.testing.assert_allclose(y, [0.03], atol=1e-6)
+    np.testing.assert_allclose(z, [1.03, 1.06, 1.09], atol=1e-6)
+    assert len(positions) == 2 * 1 * 3
+
+
+places = st.floats(-5, 5)
+sides = st.floats(2.01 * SPACING, 0.4)
+
+
+@given(st.tuples(places, places, places), st.tuples(sides, sides, sides))
+def test_particles_are_a_radius_from_the_blocks_faces_and_a_spacing_apart(low, size):
+    high = tuple(a + b for a, b in zip(low, size, strict=True))
+    block = Block(min=low, max=high)
+    positions = block.positions()
+    assert (positions >= np.array(low) + 0.99 * SPACING).all()
+    assert (positions <= np.array(high) - 0.99 * SPACING + 1e-4 * SPACING).all()
+    assert (positions >= np.array(high) - 2.01 * SPACING).any(axis=0).all()
+    bounds = np.array(block.particle_bounds())
+    np.testing.assert_allclose(positions.min(axis=0), bounds[:, 0], atol=1e-6)
+    np.testing.assert_allclose(positions.max(axis=0), bounds[:, 1], atol=1e-6)
+    for column in positions.T:
+        np.testing.assert_allclose(np.diff(np.unique(column)), SPACING, atol=1e-5)

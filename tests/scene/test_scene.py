@@ -1,0 +1,233 @@
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from hypothesis import given
+from hypothesis import strategies as st
+
+from surfsup.errors import InputError
+from surfsup.scene import SPACING, SURFACE_CLEARANCE, Block, Container, Fluid, Scene, Shape
+from surfsup.scene.shapes import (
+    BoxShape,
+    ConeShape,
+    CylinderShape,
+    MeshShape,
+    Rotation,
+    SphereShape,
+    TorusShape,
+)
+
+WATER = "fluid: [{block: {min: [-0.2, -0.2, 1.0], max: [0.2, 0.2, 1.4]}}]\n"
+
+
+def scene(text: str) -> Scene:
+    return Scene.from_yaml(text, "scene.yaml")
+
+
+# Any scene that the file's form allows, whether or not it makes physical sense.
+finite = st.floats(allow_nan=False, allow_infinity=False)
+lengths = st.floats(min_value=0, exclude_min=True, allow_infinity=False)
+vectors = st.tuples(finite, finite, finite)
+names = st.text(st.characters(categories=["L", "N", "P", "S", "Zs"]), min_size=1).map(Path)
+kinds = st.one_of(
+    st.builds(SphereShape, radius=lengths).map(lambda kind: {"sphere": kind}),
+    st.builds(BoxShape, size=st.tuples(lengths, lengths, lengths)).map(lambda kind: {"box": kind}),
+    st.builds(CylinderShape, radius=lengths, height=lengths).map(lambda kind: {"cylinder": kind}),
+    st.builds(ConeShape, height=lengths, bottom_radius=lengths, top_radius=lengths).map(
+        lambda kind: {"cone": kind}
+    ),
+    st.builds(TorusShape, major_radius=lengths, minor_radius=lengths).map(lambda kind: {"torus": kind}),
+    st.builds(MeshShape, file=names, fit=st.none() | lengths, up=st.sampled_from([None, "y", "z"])).map(
+        lambda kind: {"mesh": kind}
+    ),
+)
+rotations = st.builds(Rotation, axis=vectors.filter(any), degrees=finite)
+
+
+def placed(kind: st.SearchStrategy[dict]) -> st.SearchStrategy[Shape]:
+    return st.builds(
+        lambda own, scale, rotate, at: Shape(**own, scale=scale, rotate=rotate, at=at),
+        kind,
+        lengths,
+        st.none() | rotations,
+        vectors,
+    )
+
+
+def combinations(parts: st.SearchStrategy[Shape]) -> st.SearchStrategy[Shape]:
+    several = st.lists(parts, min_size=1, max_size=3)
+    return placed(
+        st.one_of(
+            several.map(lambda parts: {"union": parts}),
+            several.map(lambda parts: {"intersection": parts}),
+            st.lists(parts, min_size=2, max_size=2).map(lambda parts: {"difference": parts}),
+        )
+    )
+
+
+shapes = st.recursive(placed(kinds), combinations, max_leaves=5)
+places = st.floats(-100, 100)
+sides = st.floats(2.1 * SPACING, 2)
+blocks = st.builds(
+    lambda low, size, velocity: Block(
+        min=low, max=tuple(a + b for a, b in zip(low, size, strict=True)), velocity=velocity
+    ),
+    st.tuples(places, places, places),
+    st.tuples(sides, sides, sides),
+    vectors,
+)
+scenes = st.builds(
+    Scene,
+    container=st.builds(Container, size=st.tuples(lengths, lengths, lengths)),
+    surface=st.none() | shapes,
+    fluid=st.lists(st.builds(Fluid, block=blocks), min_size=1, max_size=3),
+    gravity=vectors,
+    frames=st.integers(1, 10**9),
+)
+
+
+@given(scenes)
+def test_a_scene_survives_the_way_through_yaml(original):
+    assert scene(original.to_yaml()) == original
+
+
+def test_yaml_leaves_out_what_is_at_its_default():
+    assert "gravity" not in scene(WATER).to_yaml()
+    assert "frames: 7" in scene(WATER + "frames: 7").to_yaml()
+
+
+def test_the_defaults_are_the_standard_container_and_gravity():
+    standard = scene(WATER)
+    assert standard.container.lower == (-0.5, -0.5, 0.0)
+    assert standard.container.upper == (0.5, 0.5, 2.0)
+    assert standard.gravity == (0.0, 0.0, -9.81)
+    assert standard.frames == 800
+    assert standard.build_surface() is None
+
+
+def test_a_scene_file_that_is_missing_binary_or_a_folder_is_one_clear_line(tmp_path):
+    binary = tmp_path / "binary.yaml"
+    binary.write_bytes(bytes(range(256)))
+    zeros = tmp_path / "zeros.yaml"
+    zeros.write_bytes(b"fluid: \0\0\0")
+    for path in (tmp_path / "missing.yaml", binary, zeros, tmp_path):
+        with pytest.raises(InputError) as error:
+            Scene.load(path)
+        assert str(path) in str(error.value)
+        assert "\n" not in str(error.value)
+
+
+def test_a_byte_order_mark_does_no_harm(tmp_path):
+    path = tmp_path / "scene.yaml"
+    path.write_text("\ufeff" + WATER, encoding="utf-8")
+    assert Scene.load(path).fluid == scene(WATER).fluid
+
+
+def test_mesh_files_are_relative_to_the_scene_file(tmp_path):
+    folder = tmp_path / "scenes"
+    folder.mkdir()
+    difference = "{difference: [{mesh: {file: a.obj}}, {sphere: {radius: 1}}]}"
+    text = WATER + f"surface: {{union: [{{mesh: {{file: ../meshes/knot.obj}}}}, {difference}]}}"
+    (folder / "scene.yaml").write_text(text)
+    absolute = Scene.load(folder / "scene.yaml").with_absolute_files()
+    knot, difference = absolute.surface.union
+    assert knot.mesh.file == tmp_path / "meshes" / "knot.obj"
+    assert difference.difference[0].mesh.file == folder / "a.obj"
+    assert difference.difference[1].sphere.radius == 1
+    assert absolute.with_absolute_files().surface == absolute.surface
+
+
+def test_a_missing_mesh_is_named_where_it_was_looked_for(tmp_path):
+    (tmp_path / "scene.yaml").write_text(WATER + "surface: {mesh: {file: absent.obj}}")
+    with pytest.raises(InputError, match=str(tmp_path / "absent.obj")):
+        Scene.load(tmp_path / "scene.yaml").build_surface()
+
+
+def test_particles_in_the_solid_are_left_out_and_counted():
+    made = scene(
+        "surface: {sphere: {radius: 0.2}, at: [0, 0, 1.0]}\n"
+        "fluid: [{block: {min: [-0.3, -0.3, 0.8], max: [0.3, 0.3, 1.2]}}]"
+    )
+    start = made.start(made.build_surface())
+    every = made.fluid[0].block.positions()
+    free = np.linalg.norm(every - [0, 0, 1.0], axis=1) - 0.2 >= SURFACE_CLEARANCE
+    assert start.left_out == (~free).sum() > 0
+    np.testing.assert_array_equal(start.positions, every[free])
+
+
+def test_no_particle_left_is_an_error():
+    made = scene(WATER + "surface: {box: {size: [1, 1, 1]}, at: [0, 0, 1.2]}")
+    with pytest.raises(InputError, match="all 1728 particles lie in the solid"):
+        made.start(made.build_surface())
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "axis"),
+    [
+        ([-0.6, -0.2, 1.0], [0.2, 0.2, 1.4], "x"),
+        ([-0.2, -0.2, 1.0], [0.2, 0.55, 1.4], "y"),
+        ([-0.2, -0.2, 1.0], [0.2, 0.2, 2.1], "z"),
+        ([-0.2, -0.2, -0.1], [0.2, 0.2, 0.4], "z"),
+        ([-0.2, -0.2, 1.0], [0.2, 0.2, 300.0], "z"),
+    ],
+)
+def test_a_block_outside_the_container_is_an_error_that_names_block_and_axis(low, high, axis):
+    made = scene(
+        "fluid:\n"
+        "- block: {min: [-0.1, -0.1, 0.1], max: [0.1, 0.1, 0.3]}\n"
+        f"- block: {{min: {low}, max: {high}}}\n"
+    )
+    with pytest.raises(InputError, match=f"block 1 reaches .* along {axis}, outside the container") as error:
+        made.start(None)
+    assert "\n" not in str(error.value)
+
+
+def test_a_block_that_fills_the_container_is_inside_it():
+    full = scene(
+        "container: {size: [0.3, 0.3, 0.3]}\n"
+        "fluid: [{block: {min: [-0.15, -0.15, 0], max: [0.15, 0.15, 0.3]}}]"
+    )
+    assert len(full.start(None).positions) == 9**3
+
+
+def test_overlapping_blocks_share_no_particle():
+    twice = scene(
+        "fluid:\n"
+        "- block: {min: [-0.2, -0.2, 1.0], max: [0.2, 0.2, 1.4]}\n"
+        "- block: {min: [-0.2, -0.2, 1.0], max: [0.2, 0.2, 1.4]}\n"
+    ).start(None)
+    assert (len(twice.positions), twice.left_out) == (12**3, 12**3)
+
+    shifted = scene(
+        "fluid:\n"
+        "- block: {min: [-0.2, -0.2, 1.0], max: [0.2, 0.2, 1.4]}\n"
+        "- block: {min: [-0.015, -0.2, 1.01], max: [0.385, 0.2, 1.41], velocity: [1, 0, 0]}\n"
+    ).start(None)
+    apart = torch.pdist(torch.from_numpy(shifted.positions).double())
+    assert apart.min() > 0.9 * SPACING
+    assert len(shifted.positions) + shifted.left_out == 2 * 12**3
+    assert 0 < shifted.left_out < 12**3
+
+
+def test_every_particle_has_the_velocity_of_its_block():
+    start = scene(
+        "fluid:\n"
+        "- block: {min: [-0.2, -0.2, 1.0], max: [-0.1, -0.1, 1.1]}\n"
+        "- block: {min: [0.1, 0.1, 1.0], max: [0.2, 0.2, 1.2], velocity: [1, -2, 3]}\n"
+    ).start(None)
+    assert [len(block) for block in start.blocks] == [8, 20]
+    np.testing.assert_array_equal(start.particle_velocities, np.float32([[0, 0, 0]] * 8 + [[1, -2, 3]] * 20))
+    assert start.positions.dtype == start.particle_velocities.dtype == np.float32
+
+
+def test_a_block_wholly_in_the_solid_leaves_the_others_in_order():
+    made = scene(
+        "surface: {box: {size: [0.3, 0.3, 0.3]}}\n"
+        "fluid:\n"
+        "- block: {min: [-0.1, -0.1, 0.0], max: [0.1, 0.1, 0.1], velocity: [9, 9, 9]}\n"
+        "- block: {min: [-0.1, -0.1, 1.0], max: [0.1, 0.1, 1.1], velocity: [1, 2, 3]}\n"
+    )
+    start = made.start(made.build_surface())
+    assert len(start.blocks) == 1
+    assert start.velocities == [(1.0, 2.0, 3.0)]

@@ -1,0 +1,92 @@
+import math
+
+import pytest
+import torch
+
+from surfsup import sdf
+from surfsup.scene import Scene, Shape
+
+WATER = "fluid: [{block: {min: [-0.2, -0.2, 1.0], max: [0.2, 0.2, 1.4]}}]\n"
+
+
+def built(surface: str) -> sdf.Surface:
+    return Scene.from_yaml(WATER + f"surface: {surface}", "scene.yaml").build_surface()
+
+
+def assert_same_distance(one: sdf.Surface, other: sdf.Surface) -> None:
+    points = torch.rand(500, 3, generator=torch.Generator().manual_seed(1)) * 2 - 1
+    torch.testing.assert_close(one.distance(points), other.distance(points))
+
+
+@pytest.mark.parametrize(
+    ("text", "by_hand"),
+    [
+        ("{sphere: {radius: 0.3}}", sdf.Sphere(0.3)),
+        ("{box: {size: [0.2, 0.3, 0.4]}}", sdf.Box((0.2, 0.3, 0.4))),
+        ("{cylinder: {radius: 0.2, height: 0.5}}", sdf.Cylinder(0.2, 0.5)),
+        ("{cone: {height: 0.5, bottom_radius: 0.3}}", sdf.CappedCone(0.5, 0.3, 0.01)),
+        ("{cone: {height: 0.5, bottom_radius: 0.3, top_radius: 0.1}}", sdf.CappedCone(0.5, 0.3, 0.1)),
+        ("{torus: {major_radius: 0.3, minor_radius: 0.1}}", sdf.Torus(0.3, 0.1)),
+    ],
+)
+def test_every_kind_is_the_surface_of_that_name(text, by_hand):
+    shape = built(text)
+    assert type(shape) is type(by_hand)
+    assert_same_distance(shape, by_hand)
+
+
+def test_a_shape_is_scaled_then_turned_then_moved():
+    shape = built(
+        "{box: {size: [0.2, 0.4, 0.6]}, scale: 2, rotate: {axis: [0, 0, 3], degrees: 90}, at: [0, 0, 1]}"
+    )
+    # Twice as large, its long side y turned into x, then lifted.
+    on_surface = torch.tensor([[0.4, 0.0, 1.0], [0.0, 0.2, 1.0], [0.0, 0.0, 1.6]])
+    torch.testing.assert_close(shape.distance(on_surface), torch.zeros(3), atol=1e-6, rtol=0)
+
+
+def test_nested_combinations_are_those_built_by_hand():
+    text = """
+      difference:
+        - union:
+            - sphere: {radius: 0.3}
+              at: [0.2, 0, 0]
+            - intersection: [{box: {size: [0.5, 0.5, 0.5]}}, {cylinder: {radius: 0.2, height: 2}}]
+              rotate: {axis: [1, 1, 0], degrees: 40}
+          scale: 1.5
+        - torus: {major_radius: 0.3, minor_radius: 0.1}
+          rotate: {axis: [0, 1, 0], degrees: -30}
+          at: [0, 0.1, 0.2]
+      at: [0, 0, 0.1]
+    """
+    turn = sdf.axis_rotation((1, 1, 0), 40)
+    by_hand = sdf.Transformed(
+        sdf.Difference(
+            sdf.Transformed(
+                sdf.Union(
+                    sdf.Transformed(sdf.Sphere(0.3), None, (0.2, 0, 0)),
+                    sdf.Transformed(sdf.Intersection(sdf.Box((0.5, 0.5, 0.5)), sdf.Cylinder(0.2, 2.0)), turn),
+                ),
+                scale=1.5,
+            ),
+            sdf.Transformed(sdf.Torus(0.3, 0.1), sdf.axis_rotation((0, 1, 0), -30), (0, 0.1, 0.2)),
+        ),
+        None,
+        (0, 0, 0.1),
+    )
+    assert_same_distance(built(text), by_hand)
+
+
+def test_the_kind_is_the_key_that_is_set():
+    assert Shape.model_validate({"sphere": {"radius": 1}}).kind == "sphere"
+    assert Shape.model_validate({"union": [{"sphere": {"radius": 1}}]}).kind == "union"
+
+
+def test_a_full_turn_is_none():
+    angle = 360 * 3 + 90
+    once, often = (
+        built(f"{{box: {{size: [1, 2, 3]}}, rotate: {{axis: [0, 1, 0], degrees: {a}}}}}") for a in (90, angle)
+    )
+    assert math.isclose(
+        float(once.distance(torch.ones(1, 3))), float(often.distance(torch.ones(1, 3))), abs_tol=1e-5
+    )
+    assert_same_distance(once, often)
