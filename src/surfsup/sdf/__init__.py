@@ -1,6 +1,8 @@
 """Surfaces: any solid as a signed distance function."""
 
 from surfsup.sdf.combine import Difference, Intersection, Union
+from surfsup.sdf.mesh import MeshSurface
+from surfsup.sdf.mesh_file import MeshWarning, fit_mesh, load_mesh
 from surfsup.sdf.polygonise import to_mesh
 from surfsup.sdf.primitives import Box, CappedCone, Cylinder, Sphere, Torus
 from surfsup.sdf.surface import Surface
@@ -12,11 +14,15 @@ __all__ = [
     "Cylinder",
     "Difference",
     "Intersection",
+    "MeshSurface",
+    "MeshWarning",
     "Sphere",
     "Surface",
     "Torus",
     "Transformed",
     "Union",
     "axis_rotation",
+    "fit_mesh",
+    "load_mesh",
     "to_mesh",
 ]

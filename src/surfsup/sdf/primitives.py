@@ -1,7 +1,8 @@
 """Five solids with an exact distance in closed form, each centred on its own origin, its axis along z.
 
 The forms are those collected by Inigo Quilez ("Distance functions", the resource that section 5.1 of the
-SURFSUP supplement names). Sizes are metres; each may be a number or a scalar tensor that records gradients.
+SURFSUP supplement names). Sizes are metres; each may be a number or a tensor that records gradients and
+keeps its precision. Distances come in the precision of the points.
 """
 
 from __future__ import annotations
@@ -38,7 +39,7 @@ class Box(Surface):
 
     def distance(self, points: Tensor) -> Tensor:
         """Exact signed distance (N,)."""
-        beyond = points.abs() - self.size / 2
+        beyond = points.abs() - (self.size / 2).to(points.dtype)
         return length(beyond.clamp(min=0)) + beyond.amax(dim=-1).clamp(max=0)
 
     def bounds(self) -> Tensor:
@@ -78,21 +79,28 @@ class CappedCone(Surface):
         self.register_buffer("top_radius", positive("cone", "top_radius", top_radius))
 
     def distance(self, points: Tensor) -> Tensor:
-        """Exact signed distance (N,)."""
+        """Exact signed distance (N,).
+
+        In the (radial, axial) half plane the solid is a convex polygon: next to a rim the distance is the
+        length to it, everywhere else the largest of the signed distances to the lines. The usual form, the
+        smallest of the lengths with a sign, has no gradient on the surface itself.
+        """
         half = self.height / 2
         radial, axial = length(points[:, :2]), points[:, 2]
-        cap_radius = torch.where(axial < 0, self.bottom_radius, self.top_radius)
-        to_cap = torch.stack([(radial - cap_radius).clamp(min=0), axial.abs() - half], dim=-1)
+        slope = self.top_radius - self.bottom_radius
+        slant = torch.sqrt(slope**2 + self.height**2)
+        side_radial, side_axial = slope / slant, self.height / slant  # along the side, upward, unit length
 
-        # The side is the segment from the bottom rim to the top rim in the (radial, axial) half plane.
-        along = torch.stack([self.top_radius - self.bottom_radius, 2 * half])
-        from_bottom = torch.stack([radial - self.bottom_radius, axial + half], dim=-1)
-        fraction = (from_bottom @ along / (along @ along)).clamp(0, 1)
-        to_side = from_bottom - fraction[:, None] * along
+        beyond_bottom, above_bottom = radial - self.bottom_radius, axial + half
+        beyond_top, above_top = radial - self.top_radius, axial - half
+        to_side = beyond_bottom * side_axial - above_bottom * side_radial
+        to_lines = torch.maximum(to_side, axial.abs() - half)
 
-        inside = (to_side[:, 0] < 0) & (to_cap[:, 1] < 0)
-        nearest = torch.minimum(length(to_cap), length(to_side))
-        return torch.where(inside, -nearest, nearest)
+        next_to_bottom = (beyond_bottom > 0) & (beyond_bottom * side_radial + above_bottom * side_axial < 0)
+        next_to_top = (beyond_top > 0) & (beyond_top * side_radial + above_top * side_axial > 0)
+        to_bottom = length(torch.stack([beyond_bottom, above_bottom], dim=-1))
+        to_top = length(torch.stack([beyond_top, above_top], dim=-1))
+        return torch.where(next_to_bottom, to_bottom, torch.where(next_to_top, to_top, to_lines))
 
     def bounds(self) -> Tensor:
         """The box around the cone (2, 3)."""
@@ -120,8 +128,10 @@ class Torus(Surface):
 
 
 def length(vectors: Tensor) -> Tensor:
-    """Euclidean length over the last axis; its gradient at zero is zero, not NaN."""
-    return torch.linalg.vector_norm(vectors, dim=-1)
+    """Euclidean length over the last axis; at zero its gradients of every order are zero, not NaN."""
+    squared = vectors.square().sum(dim=-1)
+    somewhere = squared > 0
+    return torch.where(somewhere, torch.where(somewhere, squared, 1.0).sqrt(), 0.0)
 
 
 def symmetric_bounds(x: Tensor, y: Tensor, z: Tensor) -> Tensor:
@@ -136,10 +146,14 @@ def positive(shape_name: str, name: str, value: object, shape: tuple[int, ...] =
     Raises:
         InputError: naming the shape and the parameter when it is not.
     """
-    tensor = torch.as_tensor(value)
-    tensor = tensor if tensor.is_floating_point() else tensor.float()
-    if tuple(tensor.shape) != shape or not bool(torch.isfinite(tensor).all() and (tensor > 0).all()):
+    try:
+        tensor = torch.as_tensor(value)
+        tensor = tensor if tensor.is_floating_point() else tensor.to(torch.get_default_dtype())
+        fine = tuple(tensor.shape) == shape and bool(torch.isfinite(tensor).all() and (tensor > 0).all())
+    except (TypeError, ValueError, RuntimeError):
+        fine = False
+    if not fine:
         wanted = "a positive number" if shape == () else f"{shape[0]} positive numbers"
-        given = tensor.tolist()
-        raise InputError(f"{shape_name}: {name} is {given}, but must be {wanted} of metres")
+        given = value.tolist() if isinstance(value, Tensor) else value
+        raise InputError(f"{shape_name}: {name} is {given!r}, but must be {wanted} of metres")
     return tensor

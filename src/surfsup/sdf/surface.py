@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from itertools import chain
 
 import torch
 from torch import Tensor, nn
@@ -28,15 +29,19 @@ class Surface(nn.Module, ABC):
         """Signed distance (N,) and its unit gradient (N, 3), which points out of the solid.
 
         The normal is zero where the distance has no gradient (the centre of a sphere). Both results are
-        differentiable in the points and in the shape's parameters while gradients are being recorded.
+        differentiable in whatever records gradients: the points, the shape's parameters.
         """
-        recording = torch.is_grad_enabled()
+        recording = torch.is_grad_enabled() and (points.requires_grad or self.records_gradients())
         with torch.enable_grad():
             query = points if points.requires_grad else points.detach().requires_grad_()
             distance = self.distance(query)
             (gradient,) = torch.autograd.grad(distance.sum(), query, create_graph=recording)
         normal = nn.functional.normalize(gradient, dim=-1)
         return (distance, normal) if recording else (distance.detach(), normal)
+
+    def records_gradients(self) -> bool:
+        """Whether any parameter of the shape (a module parameter or a buffer) wants a gradient."""
+        return any(tensor.requires_grad for tensor in chain(self.parameters(), self.buffers()))
 
     def forward(self, points: Tensor) -> Tensor:
         """The same as :meth:`distance`."""

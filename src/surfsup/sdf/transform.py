@@ -14,7 +14,7 @@ from surfsup.sdf.surface import Surface
 
 
 class Transformed(Surface):
-    """``surface`` scaled by ``scale``, then turned by ``rotation`` (3, 3), then moved by ``translation`` (3,).
+    """``surface`` scaled by ``scale``, turned by ``rotation`` (3, 3), then moved by ``translation`` (3,).
 
     Rigid motions and uniform scale keep a true distance true: F(p) = s · f(Rᵀ(p - t) / s)
     (supplement, sections 5.1 and 5.5).
@@ -29,13 +29,14 @@ class Transformed(Surface):
     ) -> None:
         super().__init__()
         self.surface = surface
-        self.register_buffer("rotation", torch.eye(3) if rotation is None else torch.as_tensor(rotation))
-        self.register_buffer("translation", torch.as_tensor(translation, dtype=self.rotation.dtype))
+        self.register_buffer("rotation", torch.eye(3) if rotation is None else orthonormal(rotation))
+        self.register_buffer("translation", place(translation))
         self.register_buffer("scale", positive("transform", "scale", scale))
 
     def to_own_frame(self, points: Tensor) -> Tensor:
-        """World points (N, 3) as seen by the surface before it was transformed."""
-        return (points - self.translation) @ self.rotation / self.scale
+        """World points (N, 3) as seen by the surface before it was transformed, in their own precision."""
+        dtype = points.dtype
+        return (points - self.translation.to(dtype)) @ self.rotation.to(dtype) / self.scale.to(dtype)
 
     def distance(self, points: Tensor) -> Tensor:
         """Signed distance (N,), true where the surface's own is."""
@@ -44,28 +45,73 @@ class Transformed(Surface):
     def distance_and_normal(self, points: Tensor) -> tuple[Tensor, Tensor]:
         """Signed distance (N,) and normal (N, 3), both asked of the surface in its own frame."""
         distance, normal = self.surface.distance_and_normal(self.to_own_frame(points))
-        return self.scale * distance, normal @ self.rotation.T
+        return self.scale * distance, normal @ self.rotation.T.to(normal.dtype)
 
     def bounds(self) -> Tensor:
         """The box (2, 3) around the transformed corners of the surface's own box."""
         lower, upper = self.surface.bounds()
         pick = torch.cartesian_prod(*[torch.tensor([False, True])] * 3).to(lower.device)
-        corners = torch.where(pick, upper, lower) * self.scale @ self.rotation.T + self.translation
+        corners = torch.where(pick, upper, lower) * self.scale
+        corners = corners @ self.rotation.T.to(corners.dtype) + self.translation.to(corners.dtype)
         return torch.stack([corners.amin(dim=0), corners.amax(dim=0)])
 
 
 def axis_rotation(axis: Sequence[float] | Tensor, degrees: float | Tensor) -> Tensor:
     """The matrix (3, 3) that turns by ``degrees`` about ``axis`` (Rodrigues' formula), right-handed.
 
+    Differentiable in both; as precise as the more precise of the two that is a tensor.
+
     Raises:
         InputError: the axis is zero or not finite.
     """
-    direction = torch.as_tensor(axis, dtype=torch.get_default_dtype())
+    direction, angle = floating(axis), floating(degrees) * (math.pi / 180)
+    dtype = torch.promote_types(direction.dtype, angle.dtype)
+    direction, angle = direction.to(dtype), angle.to(dtype)
     norm = torch.linalg.vector_norm(direction)
-    if not bool(torch.isfinite(norm)) or float(norm) == 0.0:
-        raise InputError(f"rotate: axis is {direction.tolist()}, but must be a finite direction other than zero")
+    if tuple(direction.shape) != (3,) or not bool(torch.isfinite(norm)) or float(norm) == 0.0:
+        raise InputError(
+            f"rotate: axis is {direction.tolist()}, but must be a finite direction other than zero"
+        )
     x, y, z = direction / norm
-    angle = torch.as_tensor(degrees, dtype=direction.dtype) * (math.pi / 180)
     zero = torch.zeros_like(x)
     cross = torch.stack([zero, -z, y, z, zero, -x, -y, x, zero]).reshape(3, 3)
-    return torch.eye(3, dtype=direction.dtype) + torch.sin(angle) * cross + (1 - torch.cos(angle)) * cross @ cross
+    identity = torch.eye(3, dtype=dtype, device=direction.device)
+    return identity + torch.sin(angle) * cross + (1 - torch.cos(angle)) * cross @ cross
+
+
+def orthonormal(rotation: Tensor) -> Tensor:
+    """``rotation`` as a float tensor, checked: anything but a rotation would make distances untrue.
+
+    Raises:
+        InputError: it is no rotation matrix (3, 3).
+    """
+    matrix = floating(rotation)
+    fine = tuple(matrix.shape) == (3, 3) and bool(torch.isfinite(matrix).all())
+    if fine:
+        fixed = matrix.detach().double().cpu()
+        fine = bool(
+            (fixed @ fixed.T - torch.eye(3, dtype=torch.float64)).abs().max() < 1e-3 and fixed.det() > 0
+        )
+    if not fine:
+        raise InputError(f"transform: rotation is {matrix.tolist()}, but must be a rotation matrix (3, 3)")
+    return matrix
+
+
+def place(translation: Sequence[float] | Tensor) -> Tensor:
+    """``translation`` as a float tensor (3,).
+
+    Raises:
+        InputError: it is not three finite numbers.
+    """
+    offset = floating(translation)
+    if tuple(offset.shape) != (3,) or not bool(torch.isfinite(offset).all()):
+        raise InputError(
+            f"transform: translation is {offset.tolist()}, but must be 3 finite numbers of metres"
+        )
+    return offset
+
+
+def floating(value: object) -> Tensor:
+    """``value`` as a tensor: one of floats as it is, anything else in the default precision."""
+    tensor = torch.as_tensor(value)
+    return tensor if tensor.is_floating_point() else tensor.to(torch.get_default_dtype())
