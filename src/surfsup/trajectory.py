@@ -5,6 +5,8 @@ The layout is LagrangeBench's (a group a trajectory, ``position`` and ``particle
 
 from __future__ import annotations
 
+import os
+import shutil
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
@@ -19,6 +21,7 @@ from surfsup.scene import FRAME_TIME, PARTICLE_RADIUS, Scene
 GROUP = "00000"
 FRAMES_PER_CHUNK = 8
 FLUID_TYPE = 0
+SPARE_BYTES = 256 * 1024  # kept free on the disk for the file's own tables
 
 
 @dataclass(frozen=True)
@@ -56,15 +59,30 @@ class Trajectory:
             raise InputError(f"{path}: there is no such trajectory file")
         try:
             self._file = h5py.File(path, "r")
-            group = self._file[GROUP]
-            self.positions, self.velocities = group["position"], group["velocity"]
+        except OSError as error:
+            raise InputError(not_a_trajectory(path, error)) from None
+        try:
+            self.positions, self.velocities = (self._frames_of(name) for name in ("position", "velocity"))
+            if self.positions.shape != self.velocities.shape:
+                raise ValueError(f"{self.positions.shape} positions, {self.velocities.shape} velocities")
             attributes = dict(self._file.attrs)
             self.scene = Scene.from_yaml(str(attributes["scene"]), f"{path} (scene)", path.parent)
             self.provenance = Provenance(
                 str(attributes["model"]), int(attributes["seed"]), str(attributes["version"])
             )
-        except (OSError, KeyError) as error:
-            raise InputError(f"{path}: is not a trajectory of surfsup, or was cut off ({error})") from None
+        except BaseException as error:
+            self._file.close()
+            if isinstance(error, OSError | KeyError | TypeError | ValueError) and not isinstance(
+                error, InputError
+            ):
+                raise InputError(not_a_trajectory(path, error)) from None
+            raise
+
+    def _frames_of(self, name: str) -> h5py.Dataset:
+        data = self._file[f"{GROUP}/{name}"]
+        if not isinstance(data, h5py.Dataset) or data.ndim != 3 or data.shape[2] != 3:
+            raise ValueError(f"{name} is not (frames, particles, 3)")
+        return data
 
     def __len__(self) -> int:
         """The number of frames."""
@@ -93,10 +111,13 @@ class TrajectoryWriter:
         Raises:
             InputError: the file cannot be written.
         """
+        self._path = path
+        self._check_room(SPARE_BYTES)
         try:
             self._file = h5py.File(path, "w")
         except OSError as error:
-            raise InputError(f"{path}: cannot be written ({error.strerror or error})") from None
+            reason = os.strerror(error.errno) if error.errno else one_line(error)
+            raise InputError(f"{path}: cannot be written ({reason})") from None
         self._file.attrs.update(
             {
                 "scene": scene.with_absolute_files().to_yaml(),
@@ -122,34 +143,76 @@ class TrajectoryWriter:
             for name in ("position", "velocity")
         ]
         group["particle_type"] = np.full(particles, FLUID_TYPE, dtype=np.int64)
-        self._waiting: list[tuple[np.ndarray, np.ndarray]] = []
+        self._particles = particles
+        self._written = 0
+        self._waiting: list[np.ndarray] = []
 
     def append(self, positions: np.ndarray, velocities: np.ndarray) -> None:
-        """Add one frame: positions (N, 3) in metres and velocities (N, 3) in m/s."""
-        self._waiting.append((positions, velocities))
+        """Add one frame: positions (N, 3) in metres and velocities (N, 3) in m/s; both are copied.
+
+        Raises:
+            InputError: the disk is full.
+            ValueError: a shape is not (N, 3).
+        """
+        frame = np.empty((2, self._particles, 3), dtype=np.float32)
+        for kept, given in zip(frame, (positions, velocities), strict=True):
+            if np.shape(given) != kept.shape:
+                raise ValueError(f"a frame is of shape {np.shape(given)} instead of {kept.shape}")
+            kept[:] = given
+        self._waiting.append(frame)
         if len(self._waiting) == FRAMES_PER_CHUNK:
             self.flush()
 
     def flush(self) -> None:
-        """Write what is waiting.
+        """Write what is waiting. Interrupted it can be called again: it writes to the same place.
 
         Raises:
-            InputError: the disk is full.
+            InputError: the disk is full; the file holds the frames before.
         """
         if not self._waiting:
             return
+        frames = np.stack(self._waiting, axis=1)
+        # HDF5 cannot recover from a disk that fills up under it (closing the file crashes), so ask first.
+        self._check_room(frames.nbytes + SPARE_BYTES)
+        end = self._written + len(self._waiting)
         try:
-            for data, frames in zip(self._sets, zip(*self._waiting, strict=True), strict=True):
-                data.resize(len(data) + len(frames), axis=0)
-                data[-len(frames) :] = np.stack(frames)
+            for data, values in zip(self._sets, frames, strict=True):
+                data.resize(end, axis=0)
+                data[self._written : end] = values
             self._file.flush()
-        except OSError as error:
-            raise InputError(f"{self._file.filename}: cannot be written: {error}") from None
+        except (OSError, RuntimeError) as error:
+            raise InputError(f"{self._path}: cannot be written ({one_line(error)})") from None
+        self._written = end
         self._waiting.clear()
+
+    def _check_room(self, needed: int) -> None:
+        try:
+            free = shutil.disk_usage(self._path.parent).free
+        except OSError as error:
+            raise InputError(f"{self._path}: cannot be written ({error.strerror})") from None
+        if free < needed:
+            raise InputError(
+                f"{self._path}: cannot be written: the disk is full ({free / 1e6:.3g} MB are free)"
+            )
 
     def __enter__(self) -> TrajectoryWriter:
         return self
 
     def __exit__(self, kind: type | None, error: BaseException | None, trace: TracebackType | None) -> None:
-        self.flush()
-        self._file.close()
+        try:
+            self.flush()
+        except InputError:
+            if error is None:
+                raise
+        finally:
+            self._file.close()
+
+
+def not_a_trajectory(path: Path, error: Exception) -> str:
+    """The complaint about a file that could not be read."""
+    return f"{path}: is not a trajectory of surfsup, or was cut off ({one_line(error)})"
+
+
+def one_line(error: Exception) -> str:
+    """What the HDF5 library said, which may go over several lines."""
+    return " ".join(str(error).split())

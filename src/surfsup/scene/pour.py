@@ -1,4 +1,4 @@
-"""A scene from nothing but a mesh: scaled to fit, it stands on the floor, and water falls on it from above."""
+"""A scene from nothing but a mesh: scaled to fit, it stands on the floor, and water falls on it."""
 
 from __future__ import annotations
 
