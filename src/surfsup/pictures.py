@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from pathlib import Path
 
-import numpy as np
+import av
 import trimesh
 
 from surfsup.errors import InputError
 from surfsup.scene import FRAME_TIME, PARTICLE_RADIUS, Scene
 from surfsup.sdf import to_mesh
 from surfsup.trajectory import Trajectory
+from surfsup.viewing.render import FrameRenderer
+from surfsup.viewing.video import choose_frames, write_video
+from surfsup.viewing.viewer import write_page
 
-SOLID_RESOLUTION = 128
+SOLID_RESOLUTION = 160
 
 Tell = Callable[[int, int], None]
 
@@ -22,3 +26,57 @@ def solid_of(scene: Scene) -> trimesh.Trimesh | None:
     """The triangles of a scene's solid."""
     surface = scene.build_surface()
     return None if surface is None else to_mesh(surface, SOLID_RESOLUTION)
+
+
+def write_page_of(trajectory: Path, page: Path, tell: Tell) -> Path:
+    """Write the page that plays the trajectory in the file ``trajectory``; returns its path."""
+    with Trajectory(trajectory) as frames:
+        write_page(
+            page,
+            frames.positions[:],
+            solid_of(frames.scene),
+            frames.scene.container.size,
+            PARTICLE_RADIUS,
+            FRAME_TIME,
+            tell,
+        )
+    return page
+
+
+def write_video_of(trajectory: Path, video: Path, tell: Tell) -> Path:
+    """Draw the trajectory in the file ``trajectory`` as a video; returns its path."""
+    with Trajectory(trajectory) as frames:
+        renderer = renderer_of(frames)
+        chosen = choose_frames(len(frames), FRAME_TIME)
+        images = (renderer.image(frames.positions[frame]) for frame in chosen)
+        write_video(video, images, progress=tell, total=len(chosen))
+        renderer.close()
+    return video
+
+
+def write_picture_of(trajectory: Path, picture: Path, frame: int) -> Path:
+    """Draw one frame of the trajectory in the file ``trajectory`` as a PNG; returns its path.
+
+    Raises:
+        InputError: there is no such frame.
+    """
+    with Trajectory(trajectory) as frames:
+        if frame >= len(frames):
+            raise InputError(f"{trajectory}: has the frames 0 to {len(frames) - 1}, not {frame}")
+        renderer = renderer_of(frames)
+        image = renderer.image(frames.positions[frame])
+        renderer.close()
+    partial = picture.with_name(f".{picture.name}.partial")
+    with av.open(str(partial), "w", format="image2", options={"update": "1"}) as container:
+        stream = container.add_stream("png", width=image.shape[1], height=image.shape[0], pix_fmt="rgb24")
+        container.mux(stream.encode(av.VideoFrame.from_ndarray(image, format="rgb24")))
+        container.mux(stream.encode())
+    os.replace(partial, picture)
+    return picture
+
+
+def renderer_of(frames: Trajectory) -> FrameRenderer:
+    """A renderer whose camera sees the solid and where the water starts."""
+    return FrameRenderer(
+        solid_of(frames.scene), frames.scene.container.size, PARTICLE_RADIUS, frames.positions[0]
+    )

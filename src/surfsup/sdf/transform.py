@@ -68,7 +68,7 @@ def axis_rotation(axis: Sequence[float] | Tensor, degrees: float | Tensor) -> Te
     dtype = torch.promote_types(direction.dtype, angle.dtype)
     direction, angle = direction.to(dtype), angle.to(dtype)
     norm = torch.linalg.vector_norm(direction)
-    if tuple(direction.shape) != (3,) or not bool(torch.isfinite(norm)) or float(norm) == 0.0:
+    if tuple(direction.shape) != (3,) or not bool(torch.isfinite(norm)) or float(norm.detach()) == 0.0:
         raise InputError(
             f"rotate: axis is {direction.tolist()}, but must be a finite direction other than zero"
         )
@@ -80,20 +80,18 @@ def axis_rotation(axis: Sequence[float] | Tensor, degrees: float | Tensor) -> Te
 
 
 def orthonormal(rotation: Tensor) -> Tensor:
-    """``rotation`` as a float tensor, checked: anything but a rotation would make distances untrue.
+    """``rotation`` as a float tensor, checked: anything but a turn or a mirror image would make distances untrue.
 
     Raises:
-        InputError: it is no rotation matrix (3, 3).
+        InputError: it is no orthogonal matrix (3, 3).
     """
     matrix = floating(rotation)
     fine = tuple(matrix.shape) == (3, 3) and bool(torch.isfinite(matrix).all())
     if fine:
         fixed = matrix.detach().double().cpu()
-        fine = bool(
-            (fixed @ fixed.T - torch.eye(3, dtype=torch.float64)).abs().max() < 1e-3 and fixed.det() > 0
-        )
+        fine = bool((fixed @ fixed.T - torch.eye(3, dtype=torch.float64)).abs().max() < 1e-3)
     if not fine:
-        raise InputError(f"transform: rotation is {matrix.tolist()}, but must be a rotation matrix (3, 3)")
+        raise InputError(f"transform: rotation is {matrix.tolist()}, but must be an orthogonal matrix (3, 3)")
     return matrix
 
 
