@@ -1,18 +1,24 @@
-"""A pinhole camera, and where to put it so that the solid, the water and the container's floor fill the picture."""
+"""A pinhole camera, and where to put it so that the solid, the water and the container's floor fill the
+picture.
+"""
 
 from dataclasses import dataclass
 
 import numpy as np
 
 FIELD_OF_VIEW = 26.0  # degrees, upright; long enough a lens that a box does not look like a pyramid
-_TOWARDS_CAMERA = np.array([0.50, -0.86, 0.40])  # from the front, a little to the right, looking down by 22 degrees
+_TOWARDS_CAMERA = np.array(
+    [0.50, -0.86, 0.40]
+)  # from the front, a little to the right, looking down by 22 degrees
 _MARGIN = 1.03
 _HEADROOM = 0.06  # metres above the highest point of interest
 
 
 @dataclass(frozen=True)
 class Camera:
-    """A pinhole camera at `eye` (3,) that looks at `target` (3,), z up, for pictures of `size` (width, height) pixels."""
+    """A pinhole camera at `eye` (3,) that looks at `target` (3,), z up, for pictures of `size` (width,
+    height) pixels.
+    """
 
     eye: np.ndarray
     target: np.ndarray
@@ -38,7 +44,9 @@ class Camera:
         return pixels + np.array(self.size) / 2, local[:, 2]
 
     def rays(self) -> np.ndarray:
-        """A ray (height, width, 3) through the centre of each pixel, one metre deep: a point is `eye + depth * ray`."""
+        """A ray (height, width, 3) through the centre of each pixel, one metre deep: a point is `eye
+        + depth * ray`.
+        """
         width, height = self.size
         x = (np.arange(width) + 0.5 - width / 2) / self.pixels_a_metre
         y = (height / 2 - np.arange(height) - 0.5) / self.pixels_a_metre
@@ -52,17 +60,21 @@ def frame_camera(
     focus: np.ndarray | None,
     size: tuple[int, int],
 ) -> Camera:
-    """A camera whose picture holds the container's floor, the solid and the points of interest, and no empty tower above.
+    """A camera whose picture holds the container's floor, the solid and the points of interest, and no empty
+    tower above.
 
-    `container_size` is (x, y, z) in metres; `solid_bounds` (2, 3) and `focus` (N, 3) are in metres and may be None;
-    without either the whole container is in view, with either only as much of it as they reach up.
+    `container_size` is (x, y, z) in metres; `solid_bounds` (2, 3) and `focus` (N, 3) are in metres and may be
+    None; without either the whole container is in view, with either only as much of it as they reach up.
     """
     half = np.array(container_size[:2]) / 2
     tops = [solid_bounds[1, 2]] if solid_bounds is not None else []
-    # Not the very top: water that hangs high before it falls may reach out of the picture, for the solid is what matters.
+    # Not the very top: water that hangs high before it falls may reach out of the picture, for the
+    # solid is what matters.
     tops += [np.quantile(focus[:, 2], 0.6)] if focus is not None and len(focus) else []
     top = min(max(tops) + _HEADROOM, container_size[2]) if tops else container_size[2]
-    corners = np.array([[x, y, z] for x in (-half[0], half[0]) for y in (-half[1], half[1]) for z in (0.0, top)])
+    corners = np.array(
+        [[x, y, z] for x in (-half[0], half[0]) for y in (-half[1], half[1]) for z in (0.0, top)]
+    )
     towards = _TOWARDS_CAMERA / np.linalg.norm(_TOWARDS_CAMERA)
 
     target, distance = np.array([0.0, 0.0, top / 2]), float(np.linalg.norm(corners, axis=1).max()) * 4
@@ -72,7 +84,8 @@ def frame_camera(
         centre = (pixels.min(0) + pixels.max(0)) / 2 - np.array(size) / 2
         metres = centre * distance / camera.pixels_a_metre
         target = target + metres[0] * camera.axes[0] - metres[1] * camera.axes[1]
-        # Moving the camera by d changes every corner's depth by d: the distance at which the widest one just fits.
+        # Moving the camera by d changes every corner's depth by d: the distance at which the
+        # widest one just fits.
         reach = np.abs(pixels - np.array(size) / 2 - centre) / (np.array(size) / 2) * depth[:, None]
         distance += float((reach * _MARGIN - depth[:, None]).max())
     return Camera(target + towards * distance, target, size)

@@ -1,8 +1,10 @@
-"""Whether this machine can draw off screen, found out before VTK is imported, for VTK crashes where it cannot.
+"""Whether this machine can draw off screen, found out before VTK is imported, for VTK crashes where it
+cannot.
 
-VTK draws through EGL. On Linux that is two things: the loader `libEGL.so.1`, and a driver behind it (Mesa's software one
-where there is no graphics card). Without either VTK does not raise: the process ends in a segmentation fault. libGL and X11
-are not needed, provided that VTK is told to open an EGL window instead of looking for an X server first.
+VTK draws through EGL. On Linux that is two things: the loader `libEGL.so.1`, and a driver behind it (Mesa's
+software one where there is no graphics card). Without either VTK does not raise: the process ends in a
+segmentation fault. libGL and X11 are not needed, provided that VTK is told to open an EGL window instead of
+looking for an X server first.
 """
 
 import ctypes
@@ -56,7 +58,8 @@ def _open_library(name: str) -> ctypes.CDLL:
 
 
 def _display_starts(egl: ctypes.CDLL) -> bool:
-    """Whether any EGL display starts: first the default one, then each device, in the order in which VTK tries them.
+    """Whether any EGL display starts: first the default one, then each device, in the order in which VTK
+    tries them.
 
     Displays are left initialised: ending one would end it for everything else in this process as well.
     """

@@ -1,4 +1,6 @@
-"""The studio's light: a sun, a sky that brightens upwards and what they do to a point; all in linear colour, white is 1."""
+"""The studio's light: a sun, a sky that brightens upwards and what they do to a point; all in linear colour,
+white is 1.
+"""
 
 import numpy as np
 
@@ -38,7 +40,9 @@ def sky_dome(directions: np.ndarray) -> np.ndarray:
 
 
 def surroundings(directions: np.ndarray) -> np.ndarray:
-    """Light (..., 3) from unit `directions` (..., 3): the sky above, the lit floor below and a bright window, float32."""
+    """Light (..., 3) from unit `directions` (..., 3): the sky above, the lit floor below and a bright
+    window, float32.
+    """
     light = sky_dome(directions)
     light = light + np.clip(-directions[..., 2:] * 5.0, 0.0, 1.0) * (GROUND * 0.85 - light)
     # A window over the sun's shoulder is what gives water its broad highlights.
@@ -48,7 +52,9 @@ def surroundings(directions: np.ndarray) -> np.ndarray:
 
 
 def to_display(light: np.ndarray) -> np.ndarray:
-    """Linear light as sRGB-like bytes, uint8, the same shape; brighter than white rolls off instead of clipping."""
+    """Linear light as sRGB-like bytes, uint8, the same shape; brighter than white rolls off instead of
+    clipping.
+    """
     rolled = np.where(light < 0.8, light, 0.8 + 0.2 * (1.0 - np.exp(-(light - 0.8) / 0.2)))
     return (np.clip(rolled, 0.0, 1.0) ** (1 / 2.2) * 255.0 + 0.5).astype(np.uint8)
 

@@ -1,4 +1,6 @@
-"""Triangles to pixels: VTK draws colour and depth off screen and nothing else; light is computed from these in NumPy."""
+"""Triangles to pixels: VTK draws colour and depth off screen and nothing else; light is computed from these
+in NumPy.
+"""
 
 from typing import TYPE_CHECKING
 
@@ -36,7 +38,8 @@ class Rasteriser:
         self._aim(camera.eye, camera.target, near, far)
 
     def parallel(self, direction: np.ndarray, target: np.ndarray, half_height: float) -> np.ndarray:
-        """Look along `direction` (3,) at `target` (3,), in parallel, at `half_height` metres above and below it.
+        """Look along `direction` (3,) at `target` (3,), in parallel, at `half_height` metres above and below
+        it.
 
         Returns the rows right, up and forward (3, 3) of that view.
         """
@@ -64,10 +67,18 @@ class Rasteriser:
         """Draw `mesh` from now on, in vertex `colours` (N, 3) uint8, as they are: without light."""
         self._plotter.clear_actors()
         if mesh.n_points:
-            mesh.point_data["colours"] = colours if colours is not None else np.zeros((mesh.n_points, 3), np.uint8)
+            mesh.point_data["colours"] = (
+                colours if colours is not None else np.zeros((mesh.n_points, 3), np.uint8)
+            )
             self._plotter.add_mesh(
-                mesh, scalars="colours", rgb=True, lighting=False, copy_mesh=False,
-                reset_camera=False, render=False, show_scalar_bar=False,
+                mesh,
+                scalars="colours",
+                rgb=True,
+                lighting=False,
+                copy_mesh=False,
+                reset_camera=False,
+                render=False,
+                show_scalar_bar=False,
             )
 
     def depth(self) -> np.ndarray:

@@ -7,7 +7,7 @@ from surfsup.viewing import light
 from surfsup.viewing.camera import Camera, frame_camera
 from surfsup.viewing.raster import Rasteriser
 from surfsup.viewing.stage import Stage, view_range
-from surfsup.viewing.water import shade, sunlight, thickness, water_surface
+from surfsup.viewing.water import shade, sun_axes, sunlight, thickness, water_surface
 
 _FINE = 2  # everything is drawn twice as large and averaged, which smooths its edges
 _EDGE_COLOUR = np.array([0.30, 0.36, 0.42], np.float32)
@@ -42,12 +42,14 @@ class FrameRenderer:
         self._stage = Stage(solid, self._camera, self._raster)
         self._rays = self._camera.rays()
         self._edges = _container_edges(container_size, self._camera)
-        # Where water may cast a shadow: on the solid and on the floor, up to as far as a low sun throws it.
-        depth = np.where(np.isfinite(self._stage.depth), self._stage.depth, 0.0)[..., None]
-        points = self._camera.eye.astype(np.float32) + depth * self._rays
-        near = np.abs(points[..., :2]).max(-1) < 2.0 * max(container_size)
-        self._ground = near & np.isfinite(self._stage.depth)
-        self._ground_points = points[self._ground]
+        # Where water may cast a shadow: on the solid and on the floor, up to as far as a low sun throws it. A
+        # shadow is soft, so one point for each pixel of the picture is enough.
+        depth = self._stage.depth[::_FINE, ::_FINE]
+        finite = np.isfinite(depth)
+        rays = self._rays[::_FINE, ::_FINE]
+        points = self._camera.eye.astype(np.float32) + np.where(finite, depth, 0.0)[..., None] * rays
+        self._ground = finite & (np.abs(points[..., :2]).max(-1) < 2.0 * max(container_size))
+        self._ground_along = points[self._ground] @ sun_axes().T
         self._raster.perspective(self._camera, *view_range(self._camera))
 
     def image(self, positions: np.ndarray) -> np.ndarray:
@@ -55,7 +57,9 @@ class FrameRenderer:
         positions = np.asarray(positions, np.float32)
         positions = positions[np.isfinite(positions).all(1)]  # a broken rollout is still worth a look
         picture, depth = self._stage.light.copy(), self._stage.depth
-        picture[self._ground] *= sunlight(positions, self._radius, self._ground_points)[:, None]
+        sun = np.ones(self._ground.shape, np.float32)
+        sun[self._ground] = sunlight(positions, self._radius, self._ground_along)
+        picture *= sun.repeat(_FINE, 0).repeat(_FINE, 1)[..., None]
 
         surface = water_surface(positions, self._radius)
         if surface.n_points:
@@ -91,7 +95,9 @@ def _container_edges(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Rows, columns, depth and strength of the pixels on the container's twelve edges."""
     x, y, z = container_size
-    corners = np.array([[sx * x / 2, sy * y / 2, h] for h in (0.0, z) for sx, sy in ((-1, -1), (1, -1), (1, 1), (-1, 1))])
+    corners = np.array(
+        [[sx * x / 2, sy * y / 2, h] for h in (0.0, z) for sx, sy in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
+    )
     pairs = [(i, (i + 1) % 4) for i in range(4)]
     pairs += [(a + 4, b + 4) for a, b in pairs] + [(i, i + 4) for i in range(4)]
     width, height = camera.size
@@ -107,7 +113,12 @@ def _container_edges(
             found.append(np.stack([row, column, depth, strength], 1)[seen])
     rows, columns, depth, strength = np.concatenate(found).T
     _, first = np.unique(rows.astype(int) * width + columns.astype(int), return_index=True)
-    return rows[first].astype(int), columns[first].astype(int), depth[first], strength[first].astype(np.float32)
+    return (
+        rows[first].astype(int),
+        columns[first].astype(int),
+        depth[first],
+        strength[first].astype(np.float32),
+    )
 
 
 def _draw_edges(

@@ -1,8 +1,10 @@
-"""What stands still: solid, floor and backdrop, lit once with soft shadows, so that a frame only has to add the water.
+"""What stands still: solid, floor and backdrop, lit once with soft shadows, so that a frame only has to add
+the water.
 
-Light is gathered the direct way: from every direction of the sky and the sun the solid is drawn once as seen from there, and
-a point that is farther away than what was drawn lies in shadow (shadow mapping, Williams 1978; many lights give the soft
-look of ambient occlusion). It is gathered at the solid's vertices and on a grid on the floor, not at pixels.
+Light is gathered the direct way: from every direction of the sky and the sun the solid is drawn once as seen
+from there, and a point that is farther away than what was drawn lies in shadow (shadow mapping, Williams
+1978; many lights give the soft look of ambient occlusion). It is gathered at the solid's vertices and on a
+grid on the floor, not at pixels.
 """
 
 from typing import TYPE_CHECKING
@@ -56,7 +58,9 @@ class Stage:
 
 
 def view_range(camera: Camera) -> tuple[float, float]:
-    """Nearest and farthest distance (metres) worth drawing: everything within a few metres of what is looked at."""
+    """Nearest and farthest distance (metres) worth drawing: everything within a few metres of what is
+    looked at.
+    """
     distance = float(np.linalg.norm(camera.target - camera.eye))
     return 0.1 * distance, 2.5 * distance
 
@@ -74,7 +78,11 @@ def _fine_mesh(solid: trimesh.Trimesh) -> "pyvista.PolyData":
         np.asarray(merged.vertices, np.float32), np.asarray(merged.faces, np.int64)
     )
     return mesh.compute_normals(
-        cell_normals=False, split_vertices=True, feature_angle=40.0, consistent_normals=False, auto_orient_normals=False
+        cell_normals=False,
+        split_vertices=True,
+        feature_angle=40.0,
+        consistent_normals=False,
+        auto_orient_normals=False,
     )
 
 
@@ -102,7 +110,8 @@ class _Shadows:
         """Light (N, 3) on a white surface at `points` (N, 3) with unit `normals` (N, 3)."""
         points = points.astype(np.float32) + np.float32(_BIAS) * normals.astype(np.float32)
         normals = normals.astype(np.float32)
-        # The floor's bounce lights what faces down, less so close to the floor, where it lies in the solid's own shadow.
+        # The floor's bounce lights what faces down, less so close to the floor, where it lies in
+        # the solid's own shadow.
         bounce = (0.5 - 0.5 * normals[:, 2:]) * (0.35 + 0.65 * np.clip(points[:, 2:] / 0.4, 0.0, 1.0))
         total = (_BOUNCE_SHARE * bounce * light.GROUND).astype(np.float32)
         for direction, axes, depth, colour in self._maps:
@@ -133,14 +142,18 @@ def _floor(camera: Camera, shadows: _Shadows | None) -> tuple[np.ndarray, np.nda
     x, y = camera.eye[0] + reach * rays[..., 0], camera.eye[1] + reach * rays[..., 1]
 
     grid = np.linspace(-_FLOOR_REACH, _FLOOR_REACH, _FLOOR_CELLS, dtype=np.float32)
-    points = np.stack([*np.meshgrid(grid, grid, indexing="ij"), np.zeros((_FLOOR_CELLS,) * 2, np.float32)], -1)
+    points = np.stack(
+        [*np.meshgrid(grid, grid, indexing="ij"), np.zeros((_FLOOR_CELLS,) * 2, np.float32)], -1
+    )
     upwards = np.broadcast_to(np.array([0.0, 0.0, 1.0], np.float32), points.shape)
     open_sky = np.float32(1.18)
     if shadows is None:
         lit = np.full((*points.shape[:2], 3), open_sky)
     else:
         lit = shadows.irradiance(points.reshape(-1, 3), upwards.reshape(-1, 3)).reshape(points.shape)
-        lit = lit / lit[0, 0] * open_sky  # a corner sees the whole sky; the floor's own white must not depend on the solid
+        lit = (
+            lit / lit[0, 0] * open_sky
+        )  # a corner sees the whole sky; the floor's own white must not depend on the solid
     to_cells = (_FLOOR_CELLS - 1) / (2 * _FLOOR_REACH)
     where = [(x + _FLOOR_REACH) * to_cells, (y + _FLOOR_REACH) * to_cells]
     floor = np.stack([map_coordinates(lit[..., c], where, order=1, mode="nearest") for c in range(3)], -1)

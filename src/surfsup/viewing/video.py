@@ -19,8 +19,9 @@ def choose_frames(
 ) -> np.ndarray:
     """Which frames (K,) of a trajectory a video shows, evenly spaced, never more than `most`.
 
-    Real time where that fits (4 s of water are 100 pictures at 25 a second): water in slow motion looks like syrup and
-    hides whether a simulation falls as water does. What is longer is played faster. `frame_time` is in seconds.
+    Real time where that fits (4 s of water are 100 pictures at 25 a second): water in slow motion looks like
+    syrup and hides whether a simulation falls as water does. What is longer is played faster. `frame_time` is
+    in seconds.
     """
     stride = max(1, round(1.0 / (frames_per_second * frame_time)))
     while len(range(0, frame_count, stride)) > most:
@@ -37,8 +38,9 @@ def write_video(
 ) -> None:
     """Write `images`, each (height, width, 3) uint8 and all of one size, as an H.264 MP4 at `path`.
 
-    The file appears under its name only when it is whole. `progress(done, total)` is called after each image; `total` is
-    handed on as it is, for `images` may not know its length. Raises ValueError if there are no images or sizes differ.
+    The file appears under its name only when it is whole. `progress(done, total)` is called after each image;
+    `total` is handed on as it is, for `images` may not know its length. Raises ValueError if there are no
+    images or sizes differ.
     """
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -69,7 +71,9 @@ def _encode(
                 stream.width, stream.height, stream.pix_fmt = width, height, "yuv420p"
                 stream.options = {"crf": "18", "preset": "medium"}
             elif (width, height) != (stream.width, stream.height):
-                raise ValueError(f"image {done} is {width}x{height}, those before are {stream.width}x{stream.height}")
+                raise ValueError(
+                    f"image {done} is {width}x{height}, those before are {stream.width}x{stream.height}"
+                )
             container.mux(stream.encode(av.VideoFrame.from_ndarray(image, format="rgb24")))
             if progress is not None:
                 progress(done, total)

@@ -1,7 +1,8 @@
-"""One web page that plays a trajectory: it opens from disk, needs no network and no server, and can be sent to anybody.
+"""One web page that plays a trajectory: it opens from disk, needs no network and no server, and can be sent
+to anybody.
 
-The page is our own small WebGL program (`page/page.js`) rather than viser's exported scene: that one draws points, not water,
-opens with its camera far off and is 2 MB of code before the first particle.
+The page is our own small WebGL program (`page/page.js`) rather than viser's exported scene: that one draws
+points, not water, and is 2 MB of code before the first particle.
 """
 
 import base64
@@ -31,16 +32,20 @@ def write_page(
     frame_time: float = 0.005,
     progress: Callable[[int, int], None] | None = None,
 ) -> None:
-    """Write the page that plays `positions` (F, N, 3), metres, one frame every `frame_time` seconds, at `path`.
+    """Write the page that plays `positions` (F, N, 3), metres, one frame every `frame_time` seconds, at
+    `path`.
 
-    Frames are left out, evenly, until the page is of a size to be sent (the page moves particles smoothly between those that
-    it has), and of very many particles an even choice is shown. Positions are rounded to 1/65535 of their extent, 0.03 mm
-    in two metres. `container_size` is (x, y, z) in metres, x and y centred on 0, the floor at z = 0; `particle_radius` in
-    metres. `progress(done, total)` is called as frames are packed. Raises ValueError if `positions` has another shape or no frame.
+    Frames are left out, evenly, until the page is of a size to be sent (the page moves particles smoothly
+    between those that it has), and of very many particles an even choice is shown. Positions are rounded to
+    1/65535 of their extent, 0.03 mm in two metres. `container_size` is (x, y, z) in metres, x and y centred
+    on 0, the floor at z = 0; `particle_radius` in metres. `progress(done, total)` is called as frames are
+    packed. Raises ValueError if `positions` has another shape or no frame.
     """
     positions = np.asarray(positions)
     if positions.ndim != 3 or positions.shape[2] != 3 or 0 in positions.shape:
-        raise ValueError(f"positions must be (frames, particles, 3), none of them 0; they are {positions.shape}")
+        raise ValueError(
+            f"positions must be (frames, particles, 3), none of them 0; they are {positions.shape}"
+        )
     positions, stride = _thin(positions)
     packed, low, extent = _quantise(positions, progress)
     mesh = _light_mesh(solid) if solid is not None else trimesh.Trimesh()
@@ -51,7 +56,8 @@ def write_page(
         "radius": particle_radius, "container": list(map(float, container_size)),
         "low": low.tolist(), "extent": extent.tolist(),
         "vertices": len(mesh.vertices), "faces": len(mesh.faces),
-        "eye": camera.eye.tolist(), "target": camera.target.tolist(), "fov": FIELD_OF_VIEW, "aspect": _VIEW[0] / _VIEW[1],
+        "eye": camera.eye.tolist(), "target": camera.target.tolist(),
+        "fov": FIELD_OF_VIEW, "aspect": _VIEW[0] / _VIEW[1],
     }  # fmt: skip
     body = b"".join([
         np.asarray(mesh.faces, "<u4").tobytes(),
@@ -75,7 +81,9 @@ def write_page(
 
 
 def _thin(positions: np.ndarray) -> tuple[np.ndarray, int]:
-    """Fewer particles and frames of (F, N, 3), as many as a page can carry, and the stride between the frames kept."""
+    """Fewer particles and frames of (F, N, 3), as many as a page can carry, and the stride between the
+    frames kept.
+    """
     positions = positions[:, :: -(-positions.shape[1] // _MOST_PARTICLES)]
     stride = max(1, -(-positions.nbytes // positions.itemsize * 2 // _MOST_BYTES))
     return positions[::stride], stride
@@ -84,7 +92,9 @@ def _thin(positions: np.ndarray) -> tuple[np.ndarray, int]:
 def _quantise(
     positions: np.ndarray, progress: Callable[[int, int], None] | None
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """16-bit differences from frame to frame (F, N, 3), modulo 2**16, and the corner (3,) and extent (3,) of their grid."""
+    """16-bit differences from frame to frame (F, N, 3), modulo 2**16, and the corner (3,) and extent (3,)
+    of their grid.
+    """
     finite = np.where(np.isfinite(positions), positions, 0.0)
     low = finite.min((0, 1)).astype(np.float64)
     extent = np.maximum(finite.max((0, 1)) - low, 1e-6)

@@ -1,7 +1,10 @@
-"""Water in a picture: a surface around the particles, lit so that it bends, tints and reflects what is around it.
+"""Water in a picture: a surface around the particles, lit so that it bends, tints and reflects what is around
+it.
 
-The light is computed a pixel at a time on what is seen first, as screen-space fluids are (van der Laan, Green and Sainz,
-"Screen space fluid rendering with curvature flow", 2009), but on a reconstructed surface instead of on smoothed spheres.
+The light is computed a pixel at a time on what is seen first, as screen-space fluids are (van der Laan,
+Green and Sainz,
+"Screen space fluid rendering with curvature flow", 2009), but on a reconstructed surface instead of on
+smoothed spheres.
 """
 
 from typing import TYPE_CHECKING
@@ -15,7 +18,9 @@ from surfsup.viewing.camera import Camera
 if TYPE_CHECKING:
     import pyvista
 
-ABSORPTION = np.array([15.0, 4.8, 2.3], np.float32)  # a metre; far more than water's, for the scene is a metre wide
+ABSORPTION = np.array(
+    [15.0, 4.8, 2.3], np.float32
+)  # a metre; far more than water's, for the scene is a metre wide
 BODY = np.array([0.05, 0.30, 0.50], np.float32)  # what thick water scatters back
 _REFRACTION = 0.35  # how far (share of the depth of water) a ray is bent aside
 _REFLECTANCE = 0.02  # of water seen straight on
@@ -44,8 +49,12 @@ def water_surface(positions: np.ndarray, particle_radius: float) -> "pyvista.Pol
     return surface
 
 
-def thickness(positions: np.ndarray, particle_radius: float, camera: Camera, behind: np.ndarray) -> np.ndarray:
-    """Metres of water (H, W) that each pixel of `camera` looks through, in front of the depth `behind` (H, W)."""
+def thickness(
+    positions: np.ndarray, particle_radius: float, camera: Camera, behind: np.ndarray
+) -> np.ndarray:
+    """Metres of water (H, W) that each pixel of `camera` looks through, in front of the depth `behind`
+    (H, W).
+    """
     width, height = camera.size
     pixels, depth = camera.project(positions)
     cells = np.floor(pixels / _COARSE).astype(int)
@@ -63,17 +72,19 @@ def thickness(positions: np.ndarray, particle_radius: float, camera: Camera, beh
 
 
 def shade(
-    normals: np.ndarray, rays: np.ndarray, depth: np.ndarray, water: np.ndarray, rows: np.ndarray, columns: np.ndarray,
-    behind: np.ndarray, behind_depth: np.ndarray, camera: Camera,
+    normals: np.ndarray, rays: np.ndarray, depth: np.ndarray, water: np.ndarray, rows: np.ndarray, columns:
+    np.ndarray, behind: np.ndarray, behind_depth: np.ndarray, camera: Camera,
 ) -> np.ndarray:  # fmt: skip
     """Light (M, 3) of M pixels of water at `rows`, `columns` (M,).
 
-    `normals` (M, 3) unit and outwards, `rays` (M, 3) of the camera, `depth` (M,) and `water` (M,), its thickness, in metres;
-    `behind` (H, W, 3) and `behind_depth` (H, W): the picture without water.
+    `normals` (M, 3) unit and outwards, `rays` (M, 3) of the camera, `depth` (M,) and `water` (M,), its
+    thickness, in metres; `behind` (H, W, 3) and `behind_depth` (H, W): the picture without water.
     """
     view = -rays / np.linalg.norm(rays, axis=1, keepdims=True)
     facing = np.einsum("ij,ij->i", normals, view)
-    normals = normals + np.maximum(0.02 - facing, 0.0)[:, None] * view  # smoothing may have turned a rim's normal away
+    normals = (
+        normals + np.maximum(0.02 - facing, 0.0)[:, None] * view
+    )  # smoothing may have turned a rim's normal away
     facing = np.clip(facing, 0.02, 1.0)
 
     # Refraction: look at what lies aside, unless that stands in front of the water.
@@ -91,17 +102,28 @@ def shade(
     fresnel = (_REFLECTANCE + (1 - _REFLECTANCE) * (1.0 - facing) ** 5)[:, None]
     reflected = 2.0 * facing[:, None] * normals - view
     glint = np.clip(reflected @ light.SUN.astype(np.float32), 0.0, 1.0) ** 160
-    return body * (1.0 - fresnel) + light.surroundings(reflected) * fresnel + 0.55 * glint[:, None] * light.SUN_COLOUR
+    return (
+        body * (1.0 - fresnel)
+        + light.surroundings(reflected) * fresnel
+        + 0.55 * glint[:, None] * light.SUN_COLOUR
+    )
 
 
-def sunlight(positions: np.ndarray, particle_radius: float, points: np.ndarray) -> np.ndarray:
-    """The share (M,) of the light that `points` (M, 3) still get past the water between them and the sun, in (0.6, 1]."""
-    if len(positions) == 0:
-        return np.ones(len(points), np.float32)
-    sun = light.SUN.astype(np.float32)
-    right = np.cross(sun, [0.0, 0.0, 1.0]).astype(np.float32)
+def sun_axes() -> np.ndarray:
+    """Rows (3, 3): two directions across the sunbeams, and the one towards the sun."""
+    right = np.cross(light.SUN, [0.0, 0.0, 1.0])
     right /= np.linalg.norm(right)
-    axes = np.stack([right, np.cross(right, sun), sun])
+    return np.stack([right, np.cross(right, light.SUN), light.SUN]).astype(np.float32)
+
+
+def sunlight(positions: np.ndarray, particle_radius: float, along: np.ndarray) -> np.ndarray:
+    """The share (M,), in (0.6, 1], of their light that points still get past the water between them and the sun.
+
+    `along` (M, 3) are the points, metres, in the axes of `sun_axes`: they stand still, so that is done once.
+    """
+    if len(positions) == 0:
+        return np.ones(len(along), np.float32)
+    axes = sun_axes()
     local, cell = positions @ axes.T, particle_radius
     low = local[:, :2].min(0) - 6 * particle_radius
     shape = tuple(np.ceil((local[:, :2].max(0) + 6 * particle_radius - low) / cell).astype(int) + 1)
@@ -111,11 +133,14 @@ def sunlight(positions: np.ndarray, particle_radius: float, points: np.ndarray) 
     np.add.at(towards, index, (2 * particle_radius) ** 3 / cell**2 * local[:, 2])
     water, towards = gaussian_filter(water, 2.0), gaussian_filter(towards, 2.0)
 
-    along = points @ axes.T
     column = ((along[:, 0] - low[0]) / cell).astype(np.int32)
     row = ((along[:, 1] - low[1]) / cell).astype(np.int32)
     inside = (column >= 0) & (column < shape[0]) & (row >= 0) & (row < shape[1])
     column, row = np.where(inside, column, 0), np.where(inside, row, 0)
     dense = water[column, row]
-    above = towards[column, row] / np.maximum(dense, 1e-9) - along[:, 2]  # how far up the sunbeam the water hangs
-    return 1.0 - 0.4 * inside * (1.0 - np.exp(-14.0 * dense)) * np.clip(above / (3 * particle_radius), 0.0, 1.0)
+    above = (
+        towards[column, row] / np.maximum(dense, 1e-9) - along[:, 2]
+    )  # how far up the sunbeam the water hangs
+    return 1.0 - 0.4 * inside * (1.0 - np.exp(-14.0 * dense)) * np.clip(
+        above / (3 * particle_radius), 0.0, 1.0
+    )

@@ -111,24 +111,26 @@ const SOURCES = {
     }`],
   fluidDepth: [PARTICLE, SPHERE + `out float depth; void main() { depth = -(centre.z + sphere().z * radius); }`],
   thickness: [PARTICLE, `in vec2 disc; uniform float radius; out float water;
-    void main() { float r2 = dot(disc, disc); if (r2 > 1.0) discard; water = 1.6 * radius * (1.0 - r2); }`],
-  // A bilateral blur, one direction at a time: depths farther off than a few radii belong to something else.
-  smooth_: [SCREEN, `in vec2 at; uniform sampler2D source; uniform vec2 step_; uniform float radius, pixelsAMetre; out float depth;
+    // a disc of radius 1.9 r and this height holds the particle's volume, (2 r)^3
+    void main() { float r2 = dot(disc, disc); if (r2 > 1.0) discard; water = 0.74 * radius * (1.0 - r2); }`],
+  // A bilateral blur over a spiral of samples: depths farther off than a few radii belong to something else. One
+  // direction at a time would be the usual way, and leaves crosses on every drop.
+  smooth_: [SCREEN, `in vec2 at; uniform sampler2D source; uniform float turn, radius, pixelsAMetre; out float depth;
     void main() {
       float d = texelFetch(source, ivec2(gl_FragCoord.xy), 0).r; if (d > 1e3) { depth = d; return; }
-      float reach = clamp(2.2 * radius * pixelsAMetre / d, 2.0, 22.0), sum = 0.0, weight = 0.0;
+      float reach = clamp(2.3 * radius * pixelsAMetre / d, 2.0, 26.0), sum = d, weight = 1.0;
       ivec2 limit = textureSize(source, 0) - 1;
-      for (float i = -12.0; i <= 12.0; i += 1.0) {
-        float o = i / 12.0 * reach;
-        float e = texelFetch(source, clamp(ivec2(gl_FragCoord.xy + step_ * o), ivec2(0), limit), 0).r;
-        float t = (e - d) / (2.0 * radius), w = exp(-i * i / 60.0) * exp(-t * t);
+      for (float i = 0.5; i < 40.0; i += 1.0) {
+        float a = 2.39996 * i + turn, q = i / 40.0;
+        float e = texelFetch(source, clamp(ivec2(gl_FragCoord.xy + vec2(cos(a), sin(a)) * reach * sqrt(q)), ivec2(0), limit), 0).r;
+        float t = (e - d) / (2.2 * radius), w = exp(-1.5 * q) * exp(-t * t);
         sum += w * e; weight += w;
       }
       depth = sum / weight;
     }`],
-  compose: [SCREEN, `in vec2 at; uniform sampler2D scene, sceneDepth, fluid, waterDepth; uniform mat4 view; uniform vec2 lens; uniform vec2 range; out vec4 colour;
+  compose: [SCREEN, `in vec2 at; uniform sampler2D scene, sceneDepth, fluid, waterDepth; uniform mat4 view; uniform vec2 lens, range; uniform float lift; out vec4 colour;
     float metres(float z) { return range.x * range.y / (range.y - z * (range.y - range.x)); }
-    vec3 place(vec2 q, float d) { return vec3((q * 2.0 - 1.0) * lens * d, -d); }
+    vec3 place(vec2 q, float d) { return vec3((q * 2.0 - 1.0 - vec2(0.0, lift)) * lens * d, -d); }
     float depthAt(vec2 q) { return texture(fluid, q).r; }
     void main() {
       vec3 behind = texture(scene, at).rgb; float d = depthAt(at), solid = metres(texture(sceneDepth, at).r);
@@ -141,7 +143,7 @@ const SOURCES = {
       vec3 v = normalize(-p); float facing = clamp(dot(n, v), 0.02, 1.0);
       float water = texture(waterDepth, at).r;
       water = min(water, max(solid - d, 0.0) + 0.02);
-      vec2 aside = at - n.xy * clamp(water, 0.02, 0.2) * 0.35 / (lens * 2.0 * d);
+      vec2 aside = at - n.xy * clamp(water, 0.01, 0.12) * 0.25 / (lens * 2.0 * d);
       if (metres(texture(sceneDepth, aside).r) < d) aside = at;
       vec3 through = linear(texture(scene, aside).rgb);
       mat3 back = transpose(mat3(view)); vec3 m = back * n, w = back * v;
@@ -274,6 +276,7 @@ function main(data) {
   const start = sub(header.eye, header.target), far0 = Math.hypot(...start);
   const orbit = { azimuth: Math.atan2(start[1], start[0]), elevation: Math.asin(start[2] / far0), distance: far0, target: header.target.slice() };
   const fov = header.fov * Math.PI / 180;
+  const LIFT = 0.09;  // share of half the height by which the picture is moved up, out from behind the play bar
   const sun = unit([-0.45, -0.42, 0.79]), reach = 0.75 * Math.hypot(cx, cy) + 0.35, mid = [0, 0, 0.45];
   const sunView = lookAt(mid.map((m, i) => m + sun[i] * 6), mid, [0, 0, 1]), sunLens = parallel(reach, 1, 12), toSun = multiply(sunLens, sunView);
   let shown = -1;
@@ -288,10 +291,11 @@ function main(data) {
       shown = frame;
     }
     const w = canvas.width, h = canvas.height, aspect = w / h, wide = Math.max(1, header.aspect / aspect);
-    const distance = orbit.distance * wide, c = Math.cos(orbit.elevation);
+    const distance = orbit.distance * wide * (1 + LIFT), c = Math.cos(orbit.elevation);
     const eye = orbit.target.map((t, i) => t + distance * [c * Math.cos(orbit.azimuth), c * Math.sin(orbit.azimuth), Math.sin(orbit.elevation)][i]);
     const near = 0.05 * distance, far = 3 * distance + 10;
     const view = lookAt(eye, orbit.target, [0, 0, 1]), projection = perspective(fov, aspect, near, far);
+    projection[9] = -LIFT;
     const values = { view, projection, eye, toSun, mixing, low: header.low, extent: header.extent, frameTime: header.frameTime, viewport: [w, h], height: cz, radius: header.radius };
 
     gl.enable(gl.DEPTH_TEST); gl.disable(gl.BLEND); gl.depthMask(true);
@@ -310,7 +314,7 @@ function main(data) {
     gl.disable(gl.BLEND); gl.depthMask(true);
 
     if (!asWater) { gl.disable(gl.DEPTH_TEST); into(null, w, h); use("copy", {}, { scene: targets.scene.colour }); fill(); return; }
-    const drop = { ...values, radius: header.radius * 1.45 };  // so that neighbours overlap and the smoothed surface has no holes
+    const drop = { ...values, radius: header.radius * 1.35 };  // so that neighbours overlap and the smoothed surface has no holes
     into(targets.fluid); gl.clearBufferfv(gl.COLOR, 0, [1e4, 0, 0, 0]); gl.clear(gl.DEPTH_BUFFER_BIT);
     use("fluidDepth", drop); drawParticles();
     gl.disable(gl.DEPTH_TEST);
@@ -319,12 +323,12 @@ function main(data) {
     use("thickness", { ...values, radius: header.radius * 1.9 }); drawParticles();
     gl.disable(gl.BLEND);
     const lensY = Math.tan(fov / 2), blur = { radius: header.radius, pixelsAMetre: h / 2 / lensY };
-    for (let i = 0; i < 2; i++) {
-      into(targets.other); use("smooth_", { ...blur, step_: [1, 0] }, { source: targets.fluid.colour }); fill();
-      into(targets.fluid); use("smooth_", { ...blur, step_: [0, 1] }, { source: targets.other.colour }); fill();
+    for (let i = 0; i < 4; i++) {  // an even number, so that the result ends where it began
+      const [from, to] = i % 2 ? [targets.other, targets.fluid] : [targets.fluid, targets.other];
+      into(to); use("smooth_", { ...blur, turn: i * 1.7 }, { source: from.colour }); fill();
     }
     into(null, w, h);
-    use("compose", { view, lens: [lensY * aspect, lensY], range: [near, far] },
+    use("compose", { view, lift: LIFT, lens: [lensY * aspect, lensY], range: [near, far] },
       { scene: targets.scene.colour, sceneDepth: targets.scene.depth, fluid: targets.fluid.colour, waterDepth: targets.water.colour });
     fill();
   }
