@@ -11,7 +11,6 @@ from surfsup.scene.fluid import particles_along
     ("size", "count"), [(0.06, 1), (0.0899, 1), (0.09, 2), (0.3, 9), (0.4, 12), (0.45, 14), (0.5, 15)]
 )
 def test_a_side_holds_one_place_fewer_than_whole_spacings(size, count):
-    """The solver's rule; that it is the solver's is tested against the solver itself."""
     assert particles_along(0.0, size) == count
     assert particles_along(-size / 2, size / 2) == count
 

@@ -1,0 +1,1 @@
+"""Data sets: which scenes, their making, and what training reads of them."""

@@ -1,0 +1,1 @@
+"""Ground truth by SPlisHSPlasH, run in a child process."""

@@ -15,6 +15,8 @@ STEPS_PER_FRAME = 5
 SURFACE_MAP_CELLS = 40  # cells a side of the surface's volume map, which the solver pads by about 0.48 m
 CONTAINER_MAP_CELL = 0.05  # metres; flat walls need no finer map
 
+CONTAINER_FILE = "container.obj"
+
 VOLUME_MAPS = 2
 DFSPH = 4
 FIXED_STEP = 0
@@ -39,7 +41,7 @@ def solver_scene(
     """
     bodies = [
         {
-            "geometryFile": "container.obj",
+            "geometryFile": CONTAINER_FILE,
             "translation": [0.0, 0.0, container_size[2] / 2],
             "scale": list(container_size),
             "isDynamic": False,
@@ -94,37 +96,29 @@ def solver_scene(
 
 def write_job(
     folder: Path,
-    name: str,
     container_size: tuple[float, float, float],
     gravity: tuple[float, float, float],
     blocks: list[np.ndarray],
     velocities: list[tuple[float, float, float]],
     solid: trimesh.Trimesh | None,
 ) -> Path:
-    """Write scene, particles and triangles into ``folder`` under names that start with ``name``.
-
-    The solver keeps its boundary maps in ``Cache`` beside the scene file, so jobs that share a folder share
-    the container's map, which costs more than the solid's.
+    """Write scene, particles and triangles into ``folder``, which is this job's alone.
 
     Returns:
         The scene file's path.
     """
-    folder.mkdir(parents=True, exist_ok=True)
-    container = folder / "container.obj"
-    if not container.exists():
-        unit_box = trimesh.creation.box(extents=(1.0, 1.0, 1.0))
-        container.write_text(trimesh.exchange.obj.export_obj(unit_box, include_normals=False))
+    unit_box = trimesh.creation.box(extents=(1.0, 1.0, 1.0))
+    (folder / CONTAINER_FILE).write_text(trimesh.exchange.obj.export_obj(unit_box, include_normals=False))
     fluid_files = []
     for number, positions in enumerate(blocks):
-        file = folder / f"{name}-fluid-{number}.bgeo"
-        file.write_bytes(particle_file(positions))
-        fluid_files.append(file.name)
+        fluid_files.append(f"fluid-{number}.bgeo")
+        (folder / fluid_files[-1]).write_bytes(particle_file(positions))
     surface_file = None
     if solid is not None:
-        surface_file = f"{name}-surface.obj"
+        surface_file = "surface.obj"
         (folder / surface_file).write_text(trimesh.exchange.obj.export_obj(solid, include_normals=False))
     scene = solver_scene(container_size, gravity, fluid_files, velocities, surface_file)
-    path = folder / f"{name}.json"
+    path = folder / "scene.json"
     path.write_text(json.dumps(scene, indent=1))
     return path
 

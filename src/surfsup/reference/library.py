@@ -29,7 +29,5 @@ def load_solver() -> ModuleType:
     try:
         import pysplishsplash
     except ModuleNotFoundError:
-        raise InputError(
-            "the reference solver is not installed: pip install 'surfsup[reference]'"
-        ) from None
+        raise InputError("the reference solver is not installed: pip install 'surfsup[reference]'") from None
     return pysplishsplash

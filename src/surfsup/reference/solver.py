@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
+import filecmp
 import os
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -18,6 +21,9 @@ from surfsup.sdf import Surface, to_mesh
 
 NAME = "SPlisHSPlasH 2.19 DFSPH"
 SURFACE_MESH_RESOLUTION = 96
+MAPS = "Cache"  # where the solver keeps its boundary maps, beside its scene file
+CONTAINER_MAPS = "container*"
+INPUT_ERROR = f"{InputError.__module__}.{InputError.__name__}: "  # as it ends a traceback
 
 
 class SolverError(RuntimeError):
@@ -53,14 +59,40 @@ def simulate(
     folder = folder or map_cache()
     folder.mkdir(parents=True, exist_ok=True)
     solid = None if surface is None else to_mesh(surface, SURFACE_MESH_RESOLUTION)
-    # A name of its own for every job: jobs at work side by side share the folder and its container map.
+    # The solver writes its maps in place. So every job has a folder of its own, and what others may read
+    # is put into the shared cache whole: no job at work beside it and no killed one can spoil the cache.
     with tempfile.TemporaryDirectory(prefix="job-", dir=folder) as scratch:
-        name = Path(scratch).name
-        scene_file = write_job(folder, name, scene.container.size, scene.gravity, start.blocks, start.velocities, solid)
-        try:
-            yield from run_child(scene_file, scene.frames, len(start.positions), threads, Path(scratch) / "log")
-        finally:
-            remove_job(folder, name)
+        job = Path(scratch)
+        take_container_maps(folder / MAPS, job / MAPS)
+        scene_file = write_job(
+            job, scene.container.size, scene.gravity, start.blocks, start.velocities, solid
+        )
+        frames = run_child(scene_file, scene.frames, len(start.positions), threads, job / "log")
+        with contextlib.closing(frames):
+            for number, frame in enumerate(frames):
+                if (
+                    number == 1
+                ):  # the solver makes its maps before the first step, but after it has given frame 0
+                    give_container_maps(job / MAPS, folder / MAPS)
+                yield frame
+
+
+def take_container_maps(cache: Path, own: Path) -> None:
+    """Copy what other jobs have found out about containers."""
+    own.mkdir()
+    for path in cache.glob(CONTAINER_MAPS):
+        shutil.copyfile(path, own / path.name)
+
+
+def give_container_maps(own: Path, cache: Path) -> None:
+    """Put this job's maps of its container where other jobs find them, each file at once."""
+    cache.mkdir(exist_ok=True)
+    for path in own.glob(CONTAINER_MAPS):
+        kept = cache / path.name
+        if not kept.exists() or not filecmp.cmp(path, kept, shallow=False):
+            whole = own.parent / path.name
+            shutil.copyfile(path, whole)
+            whole.replace(kept)
 
 
 def require() -> None:
@@ -73,26 +105,34 @@ def require() -> None:
     done = subprocess.run([sys.executable, "-c", probe], capture_output=True, text=True, check=False)
     if done.returncode:
         last = (done.stderr.strip().splitlines() or [f"it ended with status {done.returncode}"])[-1]
-        raise InputError(last.removeprefix("surfsup.errors.InputError: "))
+        raise InputError(last.removeprefix(INPUT_ERROR))
 
 
 def run_child(
     scene_file: Path, frames: int, particles: int, threads: int, log: Path
 ) -> Iterator[tuple[np.ndarray, np.ndarray]]:
     """Start the child process on ``scene_file`` and yield the frames that it sends."""
-    command = [sys.executable, "-m", "surfsup.reference.child", str(scene_file), str(frames), str(STEPS_PER_FRAME)]
+    command = [
+        sys.executable,
+        "-m",
+        "surfsup.reference.child",
+        str(scene_file),
+        str(frames),
+        str(STEPS_PER_FRAME),
+    ]
     environment = {**os.environ, "OMP_NUM_THREADS": str(threads), "OMP_WAIT_POLICY": "passive"}
     with log.open("wb") as errors:
         child = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=errors, env=environment)
     try:
-        count = int.from_bytes(child.stdout.read(8), sys.byteorder)
+        header = child.stdout.read(8)
+        count = int.from_bytes(header, sys.byteorder)
+        if len(header) == 8 and count != particles:
+            raise SolverError(f"the reference solver started with {count} particles instead of {particles}")
         size = particles * 3 * 4
         for frame in range(frames):
             data = child.stdout.read(2 * size)
             if len(data) < 2 * size:
-                raise SolverError(why_it_ended(child.wait(), frame, log))
-            if count != particles:
-                raise SolverError(f"the solver started with {count} particles instead of {particles}")
+                raise why_it_ended(child.wait(), frame, log)
             values = np.frombuffer(data, dtype=np.float32).reshape(2, particles, 3)
             yield values[0].copy(), values[1].copy()
         child.wait()
@@ -102,20 +142,15 @@ def run_child(
         child.wait()
 
 
-def why_it_ended(status: int, frame: int, log: Path) -> str:
-    """One line about a child that ended with ``status`` before it sent ``frame``."""
-    cause = f"signal {-status}" if status < 0 else f"status {status}"
+def why_it_ended(status: int, frame: int, log: Path) -> Exception:
+    """The error, of one line, about a child that ended with ``status`` before it sent ``frame``."""
     lines = [line.strip() for line in log.read_text(errors="replace").splitlines() if line.strip(" -")]
-    said = f": {lines[-1]}" if lines else ""
-    return f"the reference solver ended with {cause} before frame {frame}{said}"
-
-
-def remove_job(folder: Path, name: str) -> None:
-    """Take away what one job left in the shared folder; the container's map stays."""
-    for pattern in (f"{name}*", f"Cache/{name}*"):
-        for path in folder.glob(pattern):
-            if path.is_file():
-                path.unlink(missing_ok=True)
+    last = lines[-1] if lines else ""
+    if last.startswith(INPUT_ERROR):
+        return InputError(last.removeprefix(INPUT_ERROR))
+    cause = f"signal {-status}" if status < 0 else f"status {status}"
+    said = f": {last}" if last else ""
+    return SolverError(f"the reference solver ended with {cause} before frame {frame}{said}")
 
 
 __all__ = ["NAME", "PARTICLE_RADIUS", "SolverError", "map_cache", "simulate"]

@@ -44,7 +44,7 @@ class Block(Description):
         ]
 
     def positions(self) -> np.ndarray:
-        """Particles (N, 3) float32 on the lattice that SPlisHSPlasH gives a fluid block."""
+        """Particles (N, 3) float32 on the lattice that SPlisHSPlasH gives a block of whole spacings."""
         axes = [
             low + SPACING * (1 + np.arange(particles_along(low, high)))
             for low, high in zip(self.min, self.max, strict=True)
@@ -89,5 +89,9 @@ class Start:
 
 
 def particles_along(low: float, high: float) -> int:
-    """How many lattice places a side from ``low`` to ``high`` holds (the solver's own rule)."""
+    """How many lattice places a side from ``low`` to ``high`` holds: whole spacings, less one.
+
+    For whole spacings that is what SPlisHSPlasH puts into a fluid block. In between it rounds, and so may put
+    particles up to half a spacing nearer to the block's face; we do not.
+    """
     return int(np.floor((high - low) / SPACING + 1e-4)) - 1
