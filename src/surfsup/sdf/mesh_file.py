@@ -112,7 +112,7 @@ def parse(path: Path, kind: str) -> trimesh.Trimesh:
     if broken:
         raise InputError(f"{path}: is damaged: faces name vertices that it does not have; export it again")
     if len(faces) == 0:
-        raise InputError(f"{path}: holds no triangles; is it a {kind.upper()} mesh?")
+        raise InputError(f"{path}: holds no triangles that can be read; is it a whole {kind.upper()} mesh?")
     return trimesh.Trimesh(vertices, faces, process=False)
 
 
@@ -132,12 +132,13 @@ def clean(mesh: trimesh.Trimesh, path: Path) -> trimesh.Trimesh:
     mesh.update_faces(distinct_corners(mesh) & mesh.unique_faces())
     mesh.remove_unreferenced_vertices()
     require_thickness(mesh, path)
-    mesh = turn_outward(mesh, path)
+    mesh = turn_alike(mesh, path)
     if not mesh.is_watertight:
         area_vectors = np.asarray(mesh.area_faces)[:, None] * np.asarray(mesh.face_normals)
         if np.linalg.norm(area_vectors.sum(axis=0)) > OPEN_SHEET * mesh.area:
             raise InputError(f"{path}: is an open sheet, which has no inside; give it thickness or close it")
         warn(path, "has holes; what is inside is decided by its winding number, as if they were closed")
+    turn_outward(mesh, path)
     return mesh
 
 
@@ -164,33 +165,37 @@ def require_thickness(mesh: trimesh.Trimesh, path: Path) -> None:
     raise InputError(f"{path}: is flat, so it has no inside; give a solid, or a sheet with some thickness")
 
 
-def turn_outward(mesh: trimesh.Trimesh, path: Path) -> trimesh.Trimesh:
-    """The mesh with neighbouring faces turned alike, and with a positive volume.
+def turn_alike(mesh: trimesh.Trimesh, path: Path) -> trimesh.Trimesh:
+    """The mesh with neighbouring faces turned alike.
 
     In each connected patch the side that most of the area faces wins, so that a cavity stays a cavity.
     """
     import igl
     import trimesh
 
-    if not mesh.is_winding_consistent:
-        faces, patch = igl.bfs_orient(np.ascontiguousarray(mesh.faces, dtype=np.int64))
-        kept = same_turn(faces, np.asarray(mesh.faces))
-        vote = np.bincount(patch, weights=np.where(kept, 1.0, -1.0) * mesh.area_faces)
-        faces = np.where((vote < 0)[patch][:, None], faces[:, ::-1], faces)
-        turned = int((~same_turn(faces, np.asarray(mesh.faces))).sum())
-        mesh = trimesh.Trimesh(mesh.vertices, faces, process=False)
-        if turned:
-            warn(
-                path,
-                f"had faces turned against their neighbours, {turned} of {len(faces)}; they were turned over",
-            )
-        else:
-            warn(path, "has faces that are turned against their neighbours and cannot be turned alike")
+    if mesh.is_winding_consistent:
+        return mesh
+    before = np.asarray(mesh.faces)
+    faces, patch = igl.bfs_orient(np.ascontiguousarray(before, dtype=np.int64))
+    vote = np.bincount(patch, weights=np.where(same_turn(faces, before), mesh.area_faces, -mesh.area_faces))
+    faces = np.where((vote < 0)[patch][:, None], faces[:, ::-1], faces)
+    turned = int((~same_turn(faces, before)).sum())
+    if turned:
+        warn(
+            path,
+            f"had faces turned against their neighbours, {turned} of {len(faces)}; they were turned over",
+        )
+    else:
+        warn(path, "has faces that are turned against their neighbours and cannot be turned alike")
+    return trimesh.Trimesh(mesh.vertices, faces, process=False)
+
+
+def turn_outward(mesh: trimesh.Trimesh, path: Path) -> None:
+    """Turn all faces over, in place, if the volume that they enclose is negative."""
     corners = (np.asarray(mesh.vertices) - np.asarray(mesh.bounds).mean(axis=0))[mesh.faces]
     if np.linalg.det(corners).sum() < 0:
         mesh.invert()
         warn(path, "is inside out; all of its faces were turned over")
-    return mesh
 
 
 def same_turn(faces: np.ndarray, others: np.ndarray) -> np.ndarray:

@@ -80,7 +80,7 @@ def axis_rotation(axis: Sequence[float] | Tensor, degrees: float | Tensor) -> Te
 
 
 def orthonormal(rotation: Tensor) -> Tensor:
-    """``rotation`` as a float tensor, checked: anything but a turn or a mirror image would make distances untrue.
+    """``rotation`` as a float tensor, checked: anything but a turn or mirror image makes distances untrue.
 
     Raises:
         InputError: it is no orthogonal matrix (3, 3).
