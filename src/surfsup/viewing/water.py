@@ -117,7 +117,7 @@ def sun_axes() -> np.ndarray:
 
 
 def sunlight(positions: np.ndarray, particle_radius: float, along: np.ndarray) -> np.ndarray:
-    """The share (M,), in (0.6, 1], of their light that points still get past the water between them and the sun.
+    """The share (M,), in (0.6, 1], of their light that points still get past the water before the sun.
 
     `along` (M, 3) are the points, metres, in the axes of `sun_axes`: they stand still, so that is done once.
     """

@@ -1,6 +1,6 @@
 "use strict";
 // Shows a trajectory: particles that move along straight lines between stored frames, drawn as water or by their speed.
-// Water is a screen-space fluid (van der Laan, Green, Sainz 2009): draw spheres' depth, smooth it, light what results.
+// Water is a screen-space fluid (after van der Laan, Green and Sainz, 2009): a smooth depth from drops, lit a pixel at a time.
 
 const header = JSON.parse(document.getElementById("header").textContent);
 const canvas = document.getElementById("view");
@@ -71,6 +71,10 @@ vec3 sphere() {
   return n;
 }
 `;
+const DROP = `
+in vec2 disc; in vec3 centre; in float speed; uniform float radius; uniform mat4 projection;
+float drop() { float r2 = dot(disc, disc); if (r2 > 1.0) discard; return -centre.z - 0.6 * radius * (1.0 - r2); }
+`;
 const SCREEN = `layout(location = 0) in vec2 corner; out vec2 at; void main() { at = corner * 0.5 + 0.5; gl_Position = vec4(corner, 0.0, 1.0); }`;
 
 const SOURCES = {
@@ -109,25 +113,24 @@ const SOURCES = {
       vec3 c = s < 0.5 ? mix(slow, mid, s * 2.0) : mix(mid, fast, s * 2.0 - 1.0);
       colour = vec4(display(c * (0.45 + 0.65 * max(dot(n, SUN), 0.0) + 0.2 * n.z)), 1.0);
     }`],
-  fluidDepth: [PARTICLE, SPHERE + `out float depth; void main() { depth = -(centre.z + sphere().z * radius); }`],
+  // Water's surface is the mean of wide soft drops, weighted by how near they are to the eye: single drops stay round,
+  // neighbours flow together, and there is no blur that could leave marks.
+  front: [PARTICLE, DROP + `out float depth;
+    // Only a drop's core may stand in front: its soft rim alone would punch a hole into what lies behind it.
+    void main() { depth = drop(); if (dot(disc, disc) > 0.31) discard; vec4 clip = projection * vec4(0.0, 0.0, -depth, 1.0); gl_FragDepth = clip.z / clip.w * 0.5 + 0.5; }`],
+  gather: [PARTICLE, DROP + `uniform sampler2D front; out vec4 sums;
+    void main() {
+      float back = drop() - texelFetch(front, ivec2(gl_FragCoord.xy), 0).r, t = back / (1.6 * radius), q = 1.0 - dot(disc, disc);
+      float w = q * q * q * exp(-t * t); sums = vec4(w * back / radius, w, 0.0, 1.0);
+    }`],
+  surface: [SCREEN, `in vec2 at; uniform sampler2D front, sums; uniform float radius; out float depth;
+    void main() {
+      vec2 s = texelFetch(sums, ivec2(gl_FragCoord.xy), 0).rg;
+      depth = s.g < 0.1 ? 1e4 : texelFetch(front, ivec2(gl_FragCoord.xy), 0).r + s.r / s.g * radius;
+    }`],
   thickness: [PARTICLE, `in vec2 disc; uniform float radius; out float water;
     // a disc of radius 1.9 r and this height holds the particle's volume, (2 r)^3
     void main() { float r2 = dot(disc, disc); if (r2 > 1.0) discard; water = 0.74 * radius * (1.0 - r2); }`],
-  // A bilateral blur over a spiral of samples: depths farther off than a few radii belong to something else. One
-  // direction at a time would be the usual way, and leaves crosses on every drop.
-  smooth_: [SCREEN, `in vec2 at; uniform sampler2D source; uniform float turn, radius, pixelsAMetre; out float depth;
-    void main() {
-      float d = texelFetch(source, ivec2(gl_FragCoord.xy), 0).r; if (d > 1e3) { depth = d; return; }
-      float reach = clamp(2.3 * radius * pixelsAMetre / d, 2.0, 26.0), sum = d, weight = 1.0;
-      ivec2 limit = textureSize(source, 0) - 1;
-      for (float i = 0.5; i < 40.0; i += 1.0) {
-        float a = 2.39996 * i + turn, q = i / 40.0;
-        float e = texelFetch(source, clamp(ivec2(gl_FragCoord.xy + vec2(cos(a), sin(a)) * reach * sqrt(q)), ivec2(0), limit), 0).r;
-        float t = (e - d) / (2.2 * radius), w = exp(-1.5 * q) * exp(-t * t);
-        sum += w * e; weight += w;
-      }
-      depth = sum / weight;
-    }`],
   compose: [SCREEN, `in vec2 at; uniform sampler2D scene, sceneDepth, fluid, waterDepth; uniform mat4 view; uniform vec2 lens, range; uniform float lift; out vec4 colour;
     float metres(float z) { return range.x * range.y / (range.y - z * (range.y - range.x)); }
     vec3 place(vec2 q, float d) { return vec3((q * 2.0 - 1.0 - vec2(0.0, lift)) * lens * d, -d); }
@@ -194,7 +197,7 @@ async function unpack() {
 function main(data) {
   const gl = canvas.getContext("webgl2", { antialias: false, alpha: false });
   if (!gl) { say("This page needs WebGL 2."); return; }
-  const canWater = !!gl.getExtension("EXT_color_buffer_float") && !!(gl.getExtension("EXT_float_blend") || true);
+  const canWater = !!gl.getExtension("EXT_color_buffer_float");
   const look = document.getElementById("look");
   if (!canWater) { look.value = "speed"; look.disabled = true; }
   const programs = build(gl);
@@ -247,8 +250,9 @@ function main(data) {
     canvas.width = w; canvas.height = h;
     targets = { scene: target(w, h, gl.RGBA8, gl.RGBA, gl.UNSIGNED_BYTE, gl.LINEAR, true) };
     if (canWater) {
-      targets.fluid = target(w, h, gl.R32F, gl.RED, gl.FLOAT, gl.NEAREST, true);
-      targets.other = target(w, h, gl.R32F, gl.RED, gl.FLOAT, gl.NEAREST, false);
+      targets.front = target(w, h, gl.R32F, gl.RED, gl.FLOAT, gl.NEAREST, true);
+      targets.sums = target(w, h, gl.RGBA16F, gl.RGBA, gl.HALF_FLOAT, gl.NEAREST, false);
+      targets.fluid = target(w, h, gl.R32F, gl.RED, gl.FLOAT, gl.NEAREST, false);
       targets.water = target(w >> 1, h >> 1, gl.R16F, gl.RED, gl.HALF_FLOAT, gl.LINEAR, false);
     }
   }
@@ -314,19 +318,19 @@ function main(data) {
     gl.disable(gl.BLEND); gl.depthMask(true);
 
     if (!asWater) { gl.disable(gl.DEPTH_TEST); into(null, w, h); use("copy", {}, { scene: targets.scene.colour }); fill(); return; }
-    const drop = { ...values, radius: header.radius * 1.35 };  // so that neighbours overlap and the smoothed surface has no holes
-    into(targets.fluid); gl.clearBufferfv(gl.COLOR, 0, [1e4, 0, 0, 0]); gl.clear(gl.DEPTH_BUFFER_BIT);
-    use("fluidDepth", drop); drawParticles();
-    gl.disable(gl.DEPTH_TEST);
+    const drop = { ...values, radius: header.radius * 2.6 };
+    into(targets.front); gl.clearBufferfv(gl.COLOR, 0, [1e4, 0, 0, 0]); gl.clear(gl.DEPTH_BUFFER_BIT);
+    use("front", drop); drawParticles();
+    gl.disable(gl.DEPTH_TEST); gl.enable(gl.BLEND); gl.blendFunc(gl.ONE, gl.ONE);
+    into(targets.sums); gl.clearBufferfv(gl.COLOR, 0, [0, 0, 0, 0]);
+    use("gather", drop, { front: targets.front.colour }); drawParticles();
+    gl.disable(gl.BLEND); into(targets.fluid);
+    use("surface", drop, { front: targets.front.colour, sums: targets.sums.colour }); fill();
     into(targets.water); gl.clearBufferfv(gl.COLOR, 0, [0, 0, 0, 0]);
     gl.enable(gl.BLEND); gl.blendFunc(gl.ONE, gl.ONE);
     use("thickness", { ...values, radius: header.radius * 1.9 }); drawParticles();
     gl.disable(gl.BLEND);
-    const lensY = Math.tan(fov / 2), blur = { radius: header.radius, pixelsAMetre: h / 2 / lensY };
-    for (let i = 0; i < 4; i++) {  // an even number, so that the result ends where it began
-      const [from, to] = i % 2 ? [targets.other, targets.fluid] : [targets.fluid, targets.other];
-      into(to); use("smooth_", { ...blur, turn: i * 1.7 }, { source: from.colour }); fill();
-    }
+    const lensY = Math.tan(fov / 2);
     into(null, w, h);
     use("compose", { view, lift: LIFT, lens: [lensY * aspect, lensY], range: [near, far] },
       { scene: targets.scene.colour, sceneDepth: targets.scene.depth, fluid: targets.fluid.colour, waterDepth: targets.water.colour });
