@@ -369,7 +369,7 @@ function main(data) {
       const a = orbit.azimuth, scale = orbit.distance * 2 * Math.tan(fov / 2) / canvas.clientHeight;
       orbit.target[0] += Math.sin(a) * dx * scale; orbit.target[1] -= Math.cos(a) * dx * scale; orbit.target[2] += dy * scale;
     } else {
-      orbit.azimuth -= dx * 0.006; orbit.elevation = Math.min(Math.max(orbit.elevation + dy * 0.006, -0.2), 1.55);
+      orbit.azimuth -= dx * 0.006; orbit.elevation = Math.min(Math.max(orbit.elevation + dy * 0.006, 0.03), 1.55);
     }
   });
   canvas.addEventListener("wheel", (e) => { e.preventDefault(); orbit.distance = Math.min(Math.max(orbit.distance * Math.exp(e.deltaY * 0.001), 0.3), 20); dirty = true; }, { passive: false });
