@@ -15,6 +15,7 @@ from surfsup.datasets import prim_shapes
 from surfsup.errors import InputError
 from surfsup.reference import solver
 from surfsup.scene import Scene
+from surfsup.scene.text import parse_yaml
 from surfsup.trajectory import Provenance, Trajectory, TrajectoryWriter
 
 ATTEMPTS = 5  # scenes drawn for one index before it is given up
@@ -23,7 +24,7 @@ RECIPES: dict[str, Callable[[int, np.random.Generator], Scene]] = {"prim-shapes"
 
 
 def recipe_scene(recipe: str, seed: int, index: int, attempt: int = 0) -> Scene:
-    """Scene ``index`` of the data set ``recipe`` that starts from ``seed``; the same arguments, the same scene.
+    """Scene ``index`` of the data set ``recipe`` from ``seed``; the same arguments, the same scene.
 
     Args:
         recipe: which recipe.
@@ -32,10 +33,12 @@ def recipe_scene(recipe: str, seed: int, index: int, attempt: int = 0) -> Scene:
         attempt: counts the scenes of this index whose simulations were set aside.
 
     Raises:
-        InputError: there is no such recipe.
+        InputError: there is no such recipe, or the seed is negative.
     """
     if recipe not in RECIPES:
         raise InputError(f"there is no recipe '{recipe}'; known are {', '.join(RECIPES)}")
+    if seed < 0:
+        raise InputError(f"seed is {seed}, but must not be negative")
     entropy = [seed, index] if attempt == 0 else [seed, index, attempt]
     return RECIPES[recipe](index, np.random.default_rng(entropy))
 
@@ -91,14 +94,16 @@ def claim_folder(folder: Path, recipe: str, seed: int) -> None:
     """Write what ``folder`` is for, or check that it is for just this.
 
     Raises:
-        InputError: it holds another recipe or seed.
+        InputError: it holds another recipe or seed, or does not say what it holds.
     """
     path = folder / "dataset.yaml"
     wanted = {"recipe": recipe, "seed": seed, "solver": solver.NAME, "version": __version__}
     if not path.exists():
         path.write_text(yaml.safe_dump(wanted, sort_keys=False))
         return
-    found = yaml.safe_load(path.read_text())
+    found = parse_yaml(path.read_text(errors="replace"), str(path))
+    if not isinstance(found, dict):
+        raise InputError(f"{path}: does not say what data the folder holds; take another folder")
     if (found.get("recipe"), found.get("seed")) != (recipe, seed):
         raise InputError(
             f"{folder}: holds recipe '{found.get('recipe')}' of seed {found.get('seed')}; "
@@ -109,8 +114,8 @@ def claim_folder(folder: Path, recipe: str, seed: int) -> None:
 def simulate_one(recipe: str, seed: int, index: int, path: Path) -> None:
     """Simulate one scene into ``path``, which appears only when it is whole and sound.
 
-    A scene whose simulation is not physical is set aside, its reason kept in a file beside ``path``, and another is
-    drawn in its place.
+    A scene whose simulation is not physical is set aside, its reason kept in a file beside ``path``, and
+    another is drawn in its place.
 
     Raises:
         SolverError: no scene of this index could be simulated.
@@ -132,17 +137,20 @@ def simulate_one(recipe: str, seed: int, index: int, path: Path) -> None:
         reasons.append(reason)
         path.with_suffix(".set-aside.txt").write_text("\n".join(reasons) + "\n")
     partial.unlink()
-    raise solver.SolverError(f"{path}: {ATTEMPTS} scenes in a row were set aside, the last because {reasons[-1]}")
+    raise solver.SolverError(
+        f"{path}: {ATTEMPTS} scenes in a row were set aside, the last because {reasons[-1]}"
+    )
 
 
 def what_is_wrong(path: Path) -> str | None:
-    """Why the trajectory in ``path`` is not physical: a value not finite, a particle inside the solid or outside."""
+    """Why the trajectory in ``path`` is not physical: not finite, in the solid or outside; None when it is."""
     with Trajectory(path) as trajectory:
         surface = trajectory.scene.build_surface()
         container = trajectory.scene.container
         positions = torch.from_numpy(trajectory.positions[:])
-    if not bool(torch.isfinite(positions).all()):
-        return "a position is not finite"
+        velocities = torch.from_numpy(trajectory.velocities[:])
+    if not bool(torch.isfinite(positions).all() and torch.isfinite(velocities).all()):
+        return "a position or velocity is not finite"
     lower, upper = torch.tensor(container.lower), torch.tensor(container.upper)
     if bool((positions < lower).any() or (positions > upper).any()):
         return "a particle left the container"

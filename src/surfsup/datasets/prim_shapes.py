@@ -1,7 +1,7 @@
 """The recipe ``prim-shapes``: water falls on one primitive (supplement, section 5.1).
 
-The ranges of the shapes and of the block are the supplement's. It leaves unsaid where on the floor a shape may
-stand and from what height the water falls; those two are ours: anywhere that keeps the shape inside the
+The ranges of the shapes and of the block are the supplement's. It leaves unsaid where on the floor a shape
+may stand and from what height the water falls; those two are ours: anywhere that keeps the shape inside the
 walls (in the middle when it is wider than they are), and a gap of 0.05 to 0.65 m.
 """
 

@@ -35,14 +35,15 @@ class Window:
     around: Surroundings
 
     def seen_through(self, matrix: Tensor) -> Window:
-        """The same window turned or mirrored by an orthogonal ``matrix`` that maps the container onto itself."""
+        """The same window turned or mirrored by an orthogonal ``matrix`` that maps axes onto axes."""
         around = self.around
         surface = None if around.surface is None else Transformed(around.surface, matrix)
+        corners = torch.stack([matrix @ around.lower, matrix @ around.upper])
         return Window(
             State(*(value @ matrix.T for value in vars(self.state).values())),
             self.positions @ matrix.T,
             self.velocities @ matrix.T,
-            Surroundings(surface, around.lower, around.upper, matrix @ around.gravity),
+            Surroundings(surface, corners.amin(dim=0), corners.amax(dim=0), matrix @ around.gravity),
         )
 
 
@@ -50,41 +51,51 @@ class Windows:
     """Random windows of a folder of trajectories."""
 
     def __init__(self, folder: Path) -> None:
-        """Open every trajectory in ``folder``.
+        """Look through every trajectory in ``folder``.
+
+        Files are opened anew for every window, which takes 2 ms: a thousand open ones would be more than most
+        systems allow, and each would keep its last chunks in memory.
 
         Raises:
-            InputError: there is none.
+            InputError: there is none, or one cannot be read.
         """
         self.paths = sorted(folder.glob("*.h5"))
         if not self.paths:
             raise InputError(f"{folder}: has no trajectories (*.h5); make some with 'surfsup generate'")
-        self._trajectories = [Trajectory(path) for path in self.paths]
-        self._surroundings = [
-            Surroundings.of(trajectory.scene, trajectory.scene.build_surface())
-            for trajectory in self._trajectories
-        ]
+        self._surroundings = []
+        for path in self.paths:
+            with Trajectory(path) as trajectory:
+                scene = trajectory.scene
+                self._surroundings.append(Surroundings.of(scene, scene.build_surface()))
 
     def __len__(self) -> int:
         """The number of trajectories."""
-        return len(self._trajectories)
+        return len(self.paths)
 
     def draw(self, random: np.random.Generator, frames: int) -> Window:
-        """A window of ``frames`` frames after its first, of a random scene, place in time and symmetry."""
+        """A window of ``frames`` frames after its first, of a random scene, place in time and symmetry.
+
+        Raises:
+            InputError: the scene's trajectory is too short for such a window.
+        """
         scene = int(random.integers(len(self)))
-        trajectory, around = self._trajectories[scene], self._surroundings[scene]
-        last = len(trajectory) - 1 - frames
-        early = random.random() < EARLY_SHARE
-        first = int(random.integers(1, min(EARLY_FRAMES, last) if early else last))
-        positions = torch.from_numpy(trajectory.positions[first - 1 : first + 1 + frames])
-        velocities = torch.from_numpy(trajectory.velocities[first - 1 : first + 1 + frames])
-        return window(positions, velocities, around).seen_through(symmetry(random))
+        with Trajectory(self.paths[scene]) as trajectory:
+            last = len(trajectory) - 1 - frames
+            if last < 1:
+                raise InputError(
+                    f"{self.paths[scene]}: has {len(trajectory)} frames, training needs at least {frames + 2}"
+                )
+            early = random.random() < EARLY_SHARE
+            first = int(random.integers(1, min(EARLY_FRAMES, last + 1) if early else last + 1))
+            read = slice(first - 1, first + 1 + frames)
+            positions = torch.from_numpy(trajectory.positions[read])
+            velocities = torch.from_numpy(trajectory.velocities[read])
+        return window(positions, velocities, self._surroundings[scene]).seen_through(symmetry(random))
 
 
 def window(positions: Tensor, velocities: Tensor, around: Surroundings) -> Window:
     """The window of frames (K + 2, N, 3), of which the first is only the past of the state."""
-    state = State(
-        positions[1], velocities[1], positions[1] - positions[0], velocities[1] - velocities[0]
-    )
+    state = State(positions[1], velocities[1], positions[1] - positions[0], velocities[1] - velocities[0])
     return Window(state, positions[2:], velocities[2:], around)
 
 

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from pydantic import ValidationError
 
 from surfsup import sdf
 from surfsup.errors import InputError
+from surfsup.scene.complaints import one_line
 from surfsup.scene.fluid import PARTICLE_RADIUS, SPACING, Block, Fluid
 from surfsup.scene.scene import Container, Scene
 from surfsup.scene.shapes import MeshShape, Rotation, Shape
@@ -57,12 +60,12 @@ def pour_on_mesh(
     Raises:
         InputError: the mesh cannot be used, does not fit the container, or leaves no room for water above.
     """
-    mesh = sdf.load_mesh(path, up=placing.up)
+    shape = shape_of(path, placing)
+    with warnings.catch_warnings():
+        # The scene's surface is built from the same file and will warn of its faults.
+        warnings.simplefilter("ignore", sdf.MeshWarning)
+        mesh = sdf.load_mesh(path, up=placing.up)
     own_extent = np.asarray(mesh.extents)
-    rotation = Rotation(axis=(0.0, 0.0, 1.0), degrees=placing.turn) if placing.turn else None
-    shape = Shape(
-        mesh=MeshShape(file=path.resolve(), fit=placing.fit, up=placing.up), rotate=rotation, at=placing.at
-    )
     if placing.fit is not None:
         mesh, _ = sdf.fit_mesh(mesh, placing.fit)
     turn = sdf.axis_rotation((0.0, 0.0, 1.0), placing.turn).numpy()
@@ -77,6 +80,22 @@ def pour_on_mesh(
         own_size = " x ".join(f"{side:.3g}" for side in own_extent)
         said += f" (its own {own_size}, scaled by {placing.fit / own_extent.max():.3g})"
     return scene, said
+
+
+def shape_of(path: Path, placing: Placing) -> Shape:
+    """The mesh in ``path``, placed, as a scene file would describe it.
+
+    Raises:
+        InputError: a number is not finite or a length not above zero.
+    """
+    try:
+        return Shape(
+            mesh=MeshShape(file=path.resolve(), fit=placing.fit, up=placing.up),
+            rotate=Rotation(axis=(0.0, 0.0, 1.0), degrees=placing.turn) if placing.turn else None,
+            at=placing.at,
+        )
+    except ValidationError as error:
+        raise InputError(f"placing of {path.name}: {one_line(error, Shape)}") from None
 
 
 def check_fits(path: Path, lower: np.ndarray, upper: np.ndarray, container: Container, fitted: bool) -> None:

@@ -143,7 +143,8 @@ class Scene(Description):
             if first < low + WALL_CLEARANCE or last > high - WALL_CLEARANCE:
                 raise InputError(
                     f"fluid: block {number} reaches from {start:.3g} to {end:.3g} m along "
-                    f"{name}, outside the container ({low:.3g} to {high:.3g} m); move the block or enlarge the container"
+                    f"{name}, outside the container ({low:.3g} to {high:.3g} m); "
+                    "move the block or enlarge the container"
                 )
 
 
