@@ -53,7 +53,7 @@ def errors(surface: MeshSurface, exact: MeshSurface, points: torch.Tensor) -> li
     off = (distance - true_distance).abs()
     angle = torch.rad2deg(torch.acos((normal * true_normal).sum(dim=1).clamp(-1, 1)))
     lines = []
-    for near, far in ((0, 0.0375), (0.0375, 0.1), (0.1, 0.2), (0.2, 0.8), (0.8, 9)):
+    for near, far in ((0, 0.025), (0.025, 0.1), (0.1, 0.2), (0.2, 0.8), (0.8, 9)):
         here = (true_distance >= near) & (true_distance < far)
         if here.any():
             o, a = off[here], angle[here]

@@ -16,8 +16,8 @@ from surfsup.sdf.surface import Surface
 if TYPE_CHECKING:
     import trimesh
 
-NEAR = 3.0  # cells: nearer to the surface than this the mesh itself is asked
-AGREE = 0.95  # length of the mean of the normals around, below which the mesh itself is asked
+NEAR = 2.5  # cells: nearer to the surface than this the mesh itself is asked
+AGREE = 0.9  # length of the mean of the normals around, below which the mesh itself is asked
 FINE_MARGIN = 8  # cells that the fine grid reaches beyond the mesh
 COARSE = 4  # fine cells in a coarse one
 
@@ -27,7 +27,7 @@ class MeshSurface(Surface):
 
     What is exact, with a cell of (largest extent) / ``cells``, that is 0.0125 m for a mesh of 0.8 m:
 
-    - within about three cells of the surface distance, closest point and normal are the mesh's own (libigl);
+    - within about two cells of the surface distance, closest point and normal are the mesh's own (libigl);
       the sign is right wherever the mesh is closed. Across a hole the border, which the winding number draws,
       may be off by a cell;
     - so they are where the normals of neighbouring nodes disagree (halfway between two parts of the surface),
