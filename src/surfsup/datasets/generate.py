@@ -143,7 +143,7 @@ def simulate_one(recipe: str, seed: int, index: int, path: Path) -> None:
 
 
 def what_is_wrong(path: Path) -> str | None:
-    """Why the trajectory in ``path`` is not physical: not finite, in the solid or outside; None when it is."""
+    """Why the trajectory in ``path`` is not physical: not finite, in the solid, outside; None when it is."""
     with Trajectory(path) as trajectory:
         surface = trajectory.scene.build_surface()
         container = trajectory.scene.container

@@ -50,8 +50,8 @@ class Graph:
     def spreading(self) -> Tensor:
         """The transpose of :attr:`gathering`, (8N, N).
 
-        An edge and its reverse have the same kernels up to the sign of the odd ones, so the transpose has the rows
-        (particle, kernel) over the same neighbours, and needs no sorting.
+        An edge and its reverse have the same kernels up to the sign of the odd ones, so the transpose has the
+        rows (particle, kernel) over the same neighbours, and needs no sorting.
         """
         near, count = self.neighbourhood, len(self)
         kernel = torch.arange(KERNELS, device=near.senders.device)
@@ -76,7 +76,7 @@ def sparse(starts: Tensor, columns: Tensor, values: Tensor, size: tuple[int, int
 
 
 def graph(positions: Tensor, neighbours: Neighbourhood, radius: float) -> Graph:
-    """The graph of ``positions`` (N, 3), its kernels differentiable in them; nothing reaches past ``radius``."""
+    """The graph of ``positions`` (N, 3), with kernels differentiable in them that vanish at ``radius``."""
     displacement = (
         positions.index_select(0, neighbours.senders) - positions.index_select(0, neighbours.receivers)
     ) / radius

@@ -7,7 +7,8 @@ from torch import Tensor
 
 from surfsup.model.state import FRAME_TIME, State, Surroundings, free_fall_lag
 
-REACH = 0.09  # metres: beyond it a solid is not felt (six particle radii, the supplement's near-surface threshold)
+# Metres beyond which a solid is not felt: six particle radii, the supplement's near-surface threshold.
+REACH = 0.09
 DISPLACEMENT_SCALE = 3e-4  # metres: the spread of one frame's correction to ballistic motion (measured)
 VELOCITY_SCALE = 1.0  # m/s
 
@@ -15,7 +16,7 @@ FEATURES = 21
 
 
 def lag(state: State, gravity: Tensor) -> Tensor:
-    """How much faster a particle is at the frame's end than its displacement tells (N, 3), in DISPLACEMENT_SCALE.
+    """How much faster a particle ends a frame than its displacement tells (N, 3), in DISPLACEMENT_SCALE.
 
     It is zero in free fall; after a push late in the frame it holds what the next displacement will show.
     """
@@ -34,9 +35,9 @@ def node_features(
         normal: (N, 3) the solid's normal there.
         around: container and gravity.
 
-    The columns: velocity (3), lag (3), change of velocity beyond gravity (3), nearness to the solid (1), its normal
-    times that (3), speed into the solid times that (1), nearness to the six walls (6), a constant (1), from which the
-    network counts neighbours.
+    The columns: velocity (3), lag (3), change of velocity beyond gravity (3), nearness to the solid (1), its
+    normal times that (3), speed into the solid times that (1), nearness to the six walls (6), a constant (1),
+    from which the network counts neighbours.
     """
     pushed = FRAME_TIME * (state.velocity_change - FRAME_TIME * around.gravity) / DISPLACEMENT_SCALE
     near_solid = nearness(distance)[:, None]

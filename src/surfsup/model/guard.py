@@ -1,4 +1,4 @@
-"""The guard: no particle ends a frame inside the solid or outside the container, whatever the network says."""
+"""The guard: no particle ends a frame in the solid or outside the container, whatever the network says."""
 
 from __future__ import annotations
 
@@ -32,10 +32,10 @@ class Guarded:
 def guard(before: Tensor, positions: Tensor, velocities: Tensor, around: Surroundings) -> Guarded:
     """Push particles out along the normal and take away the part of their velocity that points in.
 
-    The clearances are the smallest distances that the reference solver leaves. A push may end too close to a wall
-    or to another part of the solid, so it is repeated, a few rounds at most. A particle that is still inside the solid
-    then, in a crease too narrow for it, stays where it was ``before``: so penetration is zero by construction as long
-    as the start has none.
+    The clearances are the smallest distances that the reference solver leaves. A push may end too close to a
+    wall or to another part of the solid, so it is repeated, a few rounds at most. A particle that is still
+    inside the solid then, in a crease too narrow for it, stays where it was ``before``: so penetration is
+    zero by construction as long as the start has none.
 
     Args:
         before: (N, 3) positions one frame earlier, none inside the solid or outside the container.
@@ -64,8 +64,10 @@ def guard(before: Tensor, positions: Tensor, velocities: Tensor, around: Surroun
     return Guarded(positions, velocities, moved)
 
 
-def into_container(positions: Tensor, velocities: Tensor, around: Surroundings) -> tuple[Tensor, Tensor, Tensor]:
-    """Positions (N, 3) inside the walls, velocities (N, 3) that do not point out, and which (N,) were moved."""
+def into_container(
+    positions: Tensor, velocities: Tensor, around: Surroundings
+) -> tuple[Tensor, Tensor, Tensor]:
+    """Positions (N, 3) inside the walls, velocities (N, 3) that do not point out, which (N,) were moved."""
     lower, upper = around.lower + WALL_CLEARANCE, around.upper - WALL_CLEARANCE
     inside = torch.minimum(torch.maximum(positions, lower), upper)
     crossed = inside != positions

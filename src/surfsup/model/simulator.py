@@ -25,7 +25,7 @@ class Architecture:
     Attributes:
         width: channels of every particle.
         layers: steps of message passing.
-        radius: connectivity radius in metres. The particles start on a lattice of 0.03, so 0.06 would be a tie.
+        radius: connectivity radius in metres. The particles start on a lattice of 0.03: 0.06 would be a tie.
     """
 
     width: int = 32
@@ -86,8 +86,8 @@ class Simulator(nn.Module):
     def correct(self, seen: Observation) -> Correction:
         """The network's correction to ballistic motion.
 
-        The particle's lag already tells most of it (0.7 to 0.8 of the variance); learned gates pass it on, and the
-        network adds the rest.
+        The particle's lag already tells most of it (0.7 to 0.8 of the variance); learned gates pass it on,
+        and the network adds the rest.
         """
         out = self.network(seen.features, seen.graph)
         late = lag(seen.state, seen.gravity)
@@ -137,5 +137,3 @@ def join_observations(parts: list[Observation]) -> Observation:
         torch.cat([part.features for part in parts]),
         join([part.graph for part in parts]),
     )
-
-

@@ -58,7 +58,7 @@ def free_fall_lag(gravity: Tensor) -> Tensor:
 
 
 def free_fall_drop(gravity: Tensor) -> Tensor:
-    """What gravity adds to a frame's displacement beyond the start velocity's share: n(n+1)/2·h²·g, metres."""
+    """What gravity adds to a frame's displacement to the start velocity's share: n(n+1)/2·h²·g, metres."""
     return SOLVER_STEPS * (SOLVER_STEPS + 1) / 2 * STEP_TIME**2 * gravity
 
 
@@ -89,7 +89,7 @@ class Surroundings:
         )
 
     def distance_and_normal(self, points: Tensor) -> tuple[Tensor, Tensor]:
-        """Signed distance (N,) in metres and normal (N, 3) of the solid; infinitely far where there is none."""
+        """Signed distance (N,) in metres and normal (N, 3) of the solid; infinite where there is none."""
         if self.surface is None:
             return torch.full_like(points[:, 0], torch.inf), torch.zeros_like(points)
         return self.surface.distance_and_normal(points)

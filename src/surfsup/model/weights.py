@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import json
+import math
 from dataclasses import asdict, dataclass
 from importlib.resources import files
 from pathlib import Path
 
 from safetensors import SafetensorError, safe_open
 from safetensors.torch import save_file
+from torch import Tensor
 
 from surfsup.errors import InputError
 from surfsup.model.simulator import Architecture, Simulator
@@ -31,7 +33,7 @@ class Card:
 
 
 def save(path: Path, simulator: Simulator, card: Card) -> None:
-    """Write the weights and their card to ``path``; a file of that name is replaced only when all is written."""
+    """Write the weights and their card to ``path``; one that is there is replaced when all is written."""
     header = {
         "format": FORMAT,
         "architecture": json.dumps(asdict(simulator.architecture)),
@@ -58,20 +60,40 @@ def load(path: Path) -> tuple[Simulator, Card]:
                     f"{path}: holds '{header.get('format', 'something else')}', not weights of a simulator "
                     f"of this version ('{FORMAT}')"
                 )
-            tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118: not a mapping
-        simulator = Simulator(Architecture(**json.loads(header["architecture"])))
+            names = file.keys()  # the file itself is no mapping
+            tensors = {name: file.get_tensor(name) for name in names}
+        architecture = Architecture(**json.loads(header["architecture"]))
+        check_sizes(architecture, tensors)
+        simulator = Simulator(architecture)
         simulator.load_state_dict(tensors)
         card = Card(**json.loads(header["card"]))
     except SafetensorError as error:
         raise InputError(
             f"{path}: is cut off or not a safetensors file ({error}); pickled weights are refused"
         ) from None
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror or error}") from None
     except (KeyError, TypeError, ValueError, RuntimeError) as error:
         if isinstance(error, InputError):
             raise
         reason = " ".join(str(error).split())
         raise InputError(f"{path}: its tensors do not fit its architecture ({reason[:120]})") from None
     return simulator.eval().requires_grad_(False), card
+
+
+def check_sizes(architecture: Architecture, tensors: dict[str, Tensor]) -> None:
+    """Refuse sizes that the tensors cannot fill before a network of those sizes takes all memory.
+
+    Raises:
+        ValueError: naming the size.
+    """
+    widest = max((size for tensor in tensors.values() for size in tensor.shape), default=0)
+    if not isinstance(architecture.width, int) or not 0 < architecture.width <= widest:
+        raise ValueError(f"width is {architecture.width!r}")
+    if not isinstance(architecture.layers, int) or not 0 < architecture.layers <= len(tensors):
+        raise ValueError(f"layers is {architecture.layers!r}")
+    if not isinstance(architecture.radius, float) or not 0 < architecture.radius < math.inf:
+        raise ValueError(f"radius is {architecture.radius!r}")
 
 
 def shipped() -> dict[str, Path]:
@@ -92,4 +114,6 @@ def find(model: str) -> Path:
     path = Path(model)
     if path.is_file():
         return path
-    raise InputError(f"there is no model '{model}'; shipped are {', '.join(models)}, or give a .safetensors file")
+    raise InputError(
+        f"there is no model '{model}'; shipped are {', '.join(models)}, or give a .safetensors file"
+    )

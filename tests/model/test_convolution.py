@@ -1,0 +1,109 @@
+import pytest
+import torch
+
+from surfsup.model.convolution import KERNELS, PARITY, Gather, Graph, graph, join
+from surfsup.model.neighbours import Neighbourhood, neighbourhood
+
+RADIUS = 0.4
+
+
+def some_graph(count: int, seed: int = 0, dtype: torch.dtype = torch.float64) -> tuple[torch.Tensor, Graph]:
+    positions = torch.rand(count, 3, generator=torch.Generator().manual_seed(seed), dtype=dtype)
+    return positions, graph(positions, neighbourhood(positions, RADIUS), RADIUS)
+
+
+def two_particles(displacement: list[float]) -> Graph:
+    positions = torch.tensor([[0.0, 0.0, 0.0], displacement], dtype=torch.float64)
+    both = Neighbourhood(torch.tensor([0, 1, 2]), torch.tensor([0, 1]), torch.tensor([1, 0]))
+    return graph(positions, both, RADIUS)
+
+
+def dense_convolution(mixed: torch.Tensor, seen: Graph) -> torch.Tensor:
+    """Written out edge by edge."""
+    out = torch.zeros(len(seen), mixed.shape[2], dtype=mixed.dtype)
+    near = seen.neighbourhood
+    for receiver, sender, kernels in zip(near.receivers, near.senders, seen.kernels, strict=True):
+        for kernel in range(KERNELS):
+            out[receiver] += kernels[kernel] * mixed[sender, kernel]
+    return out
+
+
+@pytest.mark.parametrize("distance", [RADIUS, 1.01 * RADIUS, 3 * RADIUS])
+def test_kernels_vanish_at_the_radius_and_beyond(distance):
+    assert (two_particles([0, distance, 0]).kernels == 0).all()
+
+
+def test_kernels_are_the_two_windows_alone_and_times_the_direction():
+    kernels = two_particles([0, 0, RADIUS / 2]).kernels
+    near, far = 0.5 * 0.5**2, 2 * 0.5**2 * 0.5
+    torch.testing.assert_close(kernels[0], kernels.new_tensor([near, far, 0, 0, near, 0, 0, far]))
+    torch.testing.assert_close(kernels[1], kernels.new_tensor([near, far, 0, 0, -near, 0, 0, -far]))
+
+
+def test_an_edge_and_its_reverse_differ_by_the_parity_of_the_kernels():
+    kernels = two_particles([0.1, -0.05, 0.2]).kernels
+    torch.testing.assert_close(kernels[1], kernels[0] * kernels.new_tensor(PARITY))
+
+
+def test_particles_in_one_place_have_finite_kernels_and_gradients():
+    positions = torch.zeros(2, 3, dtype=torch.float64, requires_grad=True)
+    seen = graph(positions, neighbourhood(positions, RADIUS), RADIUS)
+    assert torch.isfinite(seen.kernels).all()
+    (gradient,) = torch.autograd.grad(seen.kernels.square().sum(), positions)
+    assert torch.isfinite(gradient).all()
+
+
+def test_kernels_have_the_gradients_of_finite_differences():
+    positions, _ = some_graph(12)
+    near = neighbourhood(positions, RADIUS)
+    torch.autograd.gradcheck(lambda x: graph(x, near, RADIUS).kernels, positions.requires_grad_())
+
+
+@pytest.mark.parametrize("count", [1, 2, 40])
+def test_it_is_the_sum_over_neighbours_and_kernels(count):
+    _, seen = some_graph(count)
+    mixed = torch.randn(count, KERNELS, 5, dtype=torch.float64)
+    torch.testing.assert_close(Gather.apply(mixed, seen.kernels, seen), dense_convolution(mixed, seen))
+
+
+def test_without_any_edge_the_sum_is_zero_and_so_are_its_gradients():
+    positions = torch.arange(4.0, dtype=torch.float64)[:, None] * torch.ones(3, dtype=torch.float64)
+    seen = graph(positions, neighbourhood(positions, RADIUS), RADIUS)
+    mixed = torch.randn(4, KERNELS, 3, dtype=torch.float64, requires_grad=True)
+    out = Gather.apply(mixed, seen.kernels, seen)
+    assert (out == 0).all()
+    out.sum().backward()
+    assert (mixed.grad == 0).all()
+
+
+def test_both_gradients_are_those_of_finite_differences():
+    _, seen = some_graph(9)
+    assert len(seen.kernels) > 10
+    mixed = torch.randn(9, KERNELS, 2, dtype=torch.float64, requires_grad=True)
+    kernels = seen.kernels.clone().requires_grad_()
+
+    def gather(mixed: torch.Tensor, kernels: torch.Tensor) -> torch.Tensor:
+        return Gather.apply(mixed, kernels, Graph(seen.neighbourhood, kernels))
+
+    assert torch.autograd.gradcheck(gather, (mixed, kernels))
+
+
+def test_spreading_is_the_transpose_of_gathering():
+    _, seen = some_graph(30)
+    torch.testing.assert_close(seen.spreading.to_dense(), seen.gathering.to_dense().T)
+
+
+def test_joined_graphs_are_the_separate_ones_side_by_side():
+    sizes = (7, 1, 20)
+    graphs = [some_graph(size, seed)[1] for seed, size in enumerate(sizes)]
+    mixed = [torch.randn(size, KERNELS, 4, dtype=torch.float64) for size in sizes]
+    joined = join(graphs)
+    assert len(joined) == sum(sizes)
+    together = Gather.apply(torch.cat(mixed), joined.kernels, joined)
+    apart = [Gather.apply(part, one.kernels, one) for part, one in zip(mixed, graphs, strict=True)]
+    torch.testing.assert_close(together, torch.cat(apart))
+
+
+def test_one_graph_joined_is_itself():
+    _, seen = some_graph(5)
+    assert join([seen]) is seen

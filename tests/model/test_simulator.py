@@ -1,0 +1,218 @@
+import types
+
+import pytest
+import torch
+
+from surfsup.model.features import FEATURES, lag, nearness, node_features
+from surfsup.model.simulator import Architecture, Simulator, join_observations
+from surfsup.model.state import SOLVER_STEPS, STEP_TIME, State, Surroundings
+from surfsup.sdf import Sphere, Transformed
+
+GRAVITY = torch.tensor([0.0, 0.0, -9.81])
+
+
+def around(surface=None, dtype=torch.float32, gravity=GRAVITY) -> Surroundings:
+    lower, upper = torch.tensor([-0.5, -0.5, 0.0]), torch.tensor([0.5, 0.5, 2.0])
+    return Surroundings(surface, lower.to(dtype), upper.to(dtype), gravity.to(dtype))
+
+
+def model(seed: int = 0, dtype=torch.float32, lively: bool = True, **sizes) -> Simulator:
+    torch.manual_seed(seed)
+    made = Simulator(Architecture(**{"width": 8, "layers": 2, **sizes})).to(dtype)
+    if lively:  # a decoder that starts small would hide most faults
+        torch.nn.init.normal_(made.network.decoder[-1].weight, std=0.5)
+    return made
+
+
+def silent(dtype=torch.float32) -> Simulator:
+    made = model(dtype=dtype)
+    for parameter in made.parameters():
+        torch.nn.init.zeros_(parameter)
+    return made
+
+
+def water(count: int = 60, seed: int = 0, dtype=torch.float32, low: float = 1.0) -> State:
+    random = torch.Generator().manual_seed(seed)
+    positions = torch.rand(count, 3, generator=random, dtype=dtype) * 0.2 + torch.tensor(
+        [0, 0, low], dtype=dtype
+    )
+    velocities = torch.randn(count, 3, generator=random, dtype=dtype)
+    return State.in_free_fall(positions, velocities, GRAVITY.to(dtype))
+
+
+def solver_step(positions: torch.Tensor, velocities: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+    """One frame of semi-implicit Euler, as the solver falls."""
+    for _ in range(SOLVER_STEPS):
+        velocities = velocities + STEP_TIME * GRAVITY.double()
+        positions = positions + STEP_TIME * velocities
+    return positions, velocities
+
+
+def test_free_fall_is_exact_and_has_no_lag():
+    state = water(dtype=torch.float64)
+    surroundings = around(Transformed(Sphere(0.1), None, (0.0, 0.0, 0.1)), torch.float64)
+    surroundings.surface.double()
+    positions, velocities = state.positions, state.velocities
+    assert lag(state, surroundings.gravity).abs().max() < 1e-9
+    simulator = silent(torch.float64)
+    for _ in range(10):
+        state, moved = simulator.step(state, surroundings)
+        positions, velocities = solver_step(positions, velocities)
+        torch.testing.assert_close(state.positions, positions, atol=1e-12, rtol=0)
+        torch.testing.assert_close(state.velocities, velocities, atol=1e-10, rtol=0)
+        assert lag(state, surroundings.gravity).abs().max() < 1e-8
+        assert not moved.any()
+
+
+def test_the_unseen_frame_before_the_start_was_a_free_fall():
+    state = water(dtype=torch.float64)
+    before = state.positions - state.displacement, state.velocities - state.velocity_change
+    positions, velocities = solver_step(*before)
+    torch.testing.assert_close(positions, state.positions)
+    torch.testing.assert_close(velocities, state.velocities)
+
+
+def test_an_untrained_model_is_close_to_ballistic():
+    state, surroundings = water(), around()
+    after, _ = model(lively=False).step(state, surroundings)
+    positions, velocities = solver_step(state.positions.double(), state.velocities.double())
+    assert (after.positions - positions).abs().max() < 1e-4
+    assert (after.velocities - velocities).abs().max() < 0.05
+
+
+def test_a_step_keeps_the_books():
+    state, surroundings = water(), around()
+    after, _ = model().step(state, surroundings)
+    assert torch.equal(after.displacement, after.positions - state.positions)
+    assert torch.equal(after.velocity_change, after.velocities - state.velocities)
+
+
+def test_the_order_of_particles_does_not_matter():
+    state, surroundings, simulator = (
+        water(dtype=torch.float64),
+        around(None, torch.float64),
+        model(dtype=torch.float64),
+    )
+    order = torch.randperm(len(state.positions))
+    shuffled = State(*(value[order] for value in vars(state).values()))
+    straight, _ = simulator.step(state, surroundings)
+    permuted, _ = simulator.step(shuffled, surroundings)
+    torch.testing.assert_close(permuted.positions, straight.positions[order])
+    torch.testing.assert_close(permuted.velocities, straight.velocities[order])
+    assert (straight.positions - simulator.observe(state, surroundings).ahead).abs().max() > 1e-5
+
+
+def test_far_from_the_walls_only_relative_places_matter():
+    simulator, surroundings = model(dtype=torch.float64), around(None, torch.float64)
+    state = water(dtype=torch.float64)
+    shift = torch.tensor([0.05, -0.1, 0.2], dtype=torch.float64)
+    moved = State(state.positions + shift, state.velocities, state.displacement, state.velocity_change)
+    torch.testing.assert_close(
+        simulator.step(moved, surroundings)[0].positions,
+        simulator.step(state, surroundings)[0].positions + shift,
+    )
+
+
+def test_what_is_out_of_reach_has_no_influence():
+    simulator, surroundings = model(dtype=torch.float64), around(None, torch.float64)
+    here, there = water(40, 1, torch.float64, low=0.3), water(25, 2, torch.float64, low=1.5)
+    both = State(*(torch.cat(pair) for pair in zip(vars(here).values(), vars(there).values(), strict=True)))
+    together = simulator.step(both, surroundings)[0].positions
+    apart = [simulator.step(part, surroundings)[0].positions for part in (here, there)]
+    torch.testing.assert_close(together, torch.cat(apart))
+
+
+def test_scenes_joined_for_one_pass_are_corrected_as_on_their_own():
+    simulator = model(dtype=torch.float64)
+    sideways = torch.tensor([1.0, 0.0, -5.0])
+    places = [around(None, torch.float64), around(Sphere(0.9).double(), torch.float64, sideways)]
+    seen = [
+        simulator.observe(water(n, n, torch.float64), place)
+        for n, place in zip((30, 12), places, strict=True)
+    ]
+    joined = simulator.correct(join_observations(seen))
+    alone = [simulator.correct(one) for one in seen]
+    torch.testing.assert_close(joined.velocity, torch.cat([one.velocity for one in alone]))
+    torch.testing.assert_close(joined.position, torch.cat([one.position for one in alone]))
+
+
+@pytest.mark.parametrize("count", [1, 2])
+def test_a_drop_or_two_can_be_simulated(count):
+    state, _ = model().step(water(count), around())
+    assert torch.isfinite(state.positions).all()
+
+
+def test_a_rollout_is_lazy_and_starts_with_the_start():
+    simulator, state, surroundings = model(), water(), around(Transformed(Sphere(0.3), None, (0, 0, 0.3)))
+    steps = []
+    simulator.step = lambda *arguments: steps.append(0) or Simulator.step(simulator, *arguments)
+    rollout = simulator.rollout(state, surroundings, frames=10**9)
+    assert isinstance(rollout, types.GeneratorType)
+    first, moved = next(rollout)
+    assert first is state
+    assert not moved.any()
+    assert steps == []
+    for expected in (1, 2, 3):
+        following, _ = next(rollout)
+        assert len(steps) == expected
+        assert not following.positions.requires_grad
+    assert torch.is_grad_enabled()
+
+
+def test_a_rollout_has_as_many_frames_as_asked_for_and_repeats_bit_for_bit():
+    simulator, surroundings = model(), around()
+    runs = [[now.positions for now, _ in simulator.rollout(water(), surroundings, 5)] for _ in range(2)]
+    assert len(runs[0]) == 5
+    assert all(torch.equal(one, other) for one, other in zip(*runs, strict=True))
+
+
+def test_the_guard_can_be_left_out():
+    surface = Transformed(Sphere(0.3), None, (0.0, 0.0, 0.3))
+    state = State.in_free_fall(torch.tensor([[0.0, 0.0, 0.63]]), torch.tensor([[0.0, 0.0, -9.0]]), GRAVITY)
+    guarded, moved = silent().step(state, around(surface))
+    assert moved.all() and surface.distance(guarded.positions) > 0
+    free, moved = silent().step(state, around(surface), guarded=False)
+    assert not moved.any() and surface.distance(free.positions) < 0
+
+
+def test_the_gradient_in_a_shape_parameter_is_that_of_finite_differences():
+    simulator = model(dtype=torch.float64)
+    state = water(15, dtype=torch.float64)
+
+    def height_after_three_frames(radius: torch.Tensor) -> torch.Tensor:
+        surroundings = around(Transformed(Sphere(radius), None, (0.1, 0.1, 0.65)).double(), torch.float64)
+        now = state
+        for _ in range(3):
+            now, _ = simulator.step(now, surroundings)
+        return now.positions[:, 2].mean()
+
+    # The water is within reach of the ball, some of it in its way, and no particle changes sides in between.
+    radius = torch.tensor(0.33, dtype=torch.float64, requires_grad=True)
+    (gradient,) = torch.autograd.grad(height_after_three_frames(radius), radius)
+    step = 1e-6
+    with torch.no_grad():
+        rise = height_after_three_frames(radius + step) - height_after_three_frames(radius - step)
+    assert abs(gradient) > 1e-3
+    torch.testing.assert_close(gradient, rise / (2 * step), rtol=1e-4, atol=1e-6)
+
+
+def test_features_are_the_documented_columns():
+    surface = Sphere(0.3)
+    state = State(
+        torch.tensor([[0.0, 0.0, 0.35]]),
+        torch.tensor([[1.0, 2.0, -3.0]]),
+        torch.tensor([[0.005, 0.01, -0.015]]),
+        torch.tensor([[0.0, 0.0, 0.0]]),
+    )
+    surroundings = around(surface, gravity=torch.zeros(3))
+    ahead = state.positions
+    features = node_features(state, ahead, *surroundings.distance_and_normal(ahead), surroundings)
+    assert features.shape == (1, FEATURES)
+    near = 1 - 0.05 / 0.09
+    expected = [1, 2, -3, 0, 0, 0, 0, 0, 0, near, 0, 0, near, -3 * near, 0, 0, 0, 0, 0, 0, 1]
+    torch.testing.assert_close(features[0], torch.tensor(expected), atol=1e-4, rtol=0)
+
+
+def test_nearness_is_one_at_contact_and_nothing_out_of_reach():
+    distance = torch.tensor([-1.0, -0.09, 0.0, 0.045, 0.09, 1.0, torch.inf])
+    torch.testing.assert_close(nearness(distance), torch.tensor([2.0, 2.0, 1.0, 0.5, 0.0, 0.0, 0.0]))
