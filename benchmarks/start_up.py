@@ -14,7 +14,11 @@ import time
 COMMANDS = {
     "surfsup --help": [sys.executable, "-m", "surfsup.cli", "--help"],
     "import surfsup": [sys.executable, "-c", "import surfsup"],
-    "import the simulator": [sys.executable, "-c", "import surfsup.model.simulate, surfsup.scene, surfsup.trajectory"],
+    "import the simulator": [
+        sys.executable,
+        "-c",
+        "import surfsup.model.simulate, surfsup.scene, surfsup.trajectory",
+    ],
 }
 
 

@@ -6,6 +6,7 @@ Heavy imports stay inside the verbs, so that help is instant.
 from __future__ import annotations
 
 import sys
+import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -14,13 +15,13 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from surfsup import __version__
-from surfsup.errors import InputError
+from surfsup.errors import InputError, SimulationError
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from surfsup.output import OutputFolder, Summary
-    from surfsup.scene import Scene
+    from surfsup.scene import Scene, Start
 
 app = typer.Typer(
     name="surfsup",
@@ -29,6 +30,8 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
+
+INTERRUPTED = 130
 
 Vector = tuple[float, float, float]
 Source = Annotated[Path, typer.Argument(metavar="SURFACE|SCENE.yaml", help="A mesh, or a scene file.")]
@@ -65,7 +68,9 @@ def simulate(
     model: Model = None,
     device: Device = None,
     seed: Seed = 0,
-    no_guard: Annotated[bool, typer.Option("--no-guard", help="Let the network's own penetration show.")] = False,
+    no_guard: Annotated[
+        bool, typer.Option("--no-guard", help="Let the network's own penetration show.")
+    ] = False,
     no_page: NoPage = False,
     no_video: NoVideo = False,
 ) -> None:
@@ -78,12 +83,12 @@ def simulate(
     from surfsup.model.simulate import simulate as frames_of
     from surfsup.trajectory import Provenance
 
-    scene = read_scene(source, frames, None if no_fit else fit, up, turn, at, block_min, block_max, container)
     simulator, card = weights.load(weights.find(model or weights.DEFAULT_MODEL))
     where = choose_device(device)
+    scene = read_scene(source, frames, None if no_fit else fit, up, turn, at, block_min, block_max, container)
     surface = scene.build_surface()
     start = scene.start(surface)
-    folder = open_folder(out, source, pictures=not no_video)
+    folder = open_folder(out, source, scene, start, pictures=not no_video)
     with bar(f"simulating with '{card.name}'") as tell:
         summary = folder.record(
             scene,
@@ -125,7 +130,7 @@ def reference(
     surface = scene.build_surface()
     start = scene.start(surface)
     solver.require()
-    folder = open_folder(out, source, pictures=not no_video)
+    folder = open_folder(out, source, scene, start, pictures=not no_video)
     with bar("simulating with SPlisHSPlasH") as tell:
         summary = folder.record(
             scene,
@@ -201,7 +206,9 @@ def evaluate(
     model: Annotated[str, typer.Argument(help="A shipped model's name or a .safetensors file.")],
     data: Annotated[Path, typer.Argument(metavar="DIR", help="Folder of held-out trajectories.")],
     out: Annotated[Path, typer.Option("-o", "--out", help="Folder of the report.")],
-    no_guard: Annotated[bool, typer.Option("--no-guard", help="Judge the network without the guard.")] = False,
+    no_guard: Annotated[
+        bool, typer.Option("--no-guard", help="Judge the network without the guard.")
+    ] = False,
 ) -> None:
     """Judge a model on held-out trajectories of the reference solver.
 
@@ -287,7 +294,9 @@ def read_scene(
     if source.suffix.lower() in (".yaml", ".yml"):
         placed = up or turn or at or block_min or block_max or container
         if placed:
-            raise InputError(f"{source}: a scene file places everything itself; change it there, not by options")
+            raise InputError(
+                f"{source}: a scene file places everything itself; change it there, not by options"
+            )
         scene = Scene.load(source)
         return scene if frames is None else scene.with_frames(frames)
     if (block_min is None) != (block_max is None):
@@ -299,14 +308,14 @@ def read_scene(
     return scene
 
 
-def open_folder(out: Path | None, source: Path, pictures: bool) -> OutputFolder:
+def open_folder(out: Path | None, source: Path, scene: Scene, start: Start, pictures: bool) -> OutputFolder:
     """The output folder, once it is known that what was asked for can be made here."""
     from surfsup.output import OutputFolder
     from surfsup.viewing.graphics import require_graphics
 
     if pictures:
         require_graphics()
-    return OutputFolder(out or Path("out") / source.stem)
+    return OutputFolder(out or Path("out") / source.stem, len(start.positions), scene.frames)
 
 
 def show(folder: OutputFolder, summary: Summary, left_out: int, no_page: bool, no_video: bool) -> None:
@@ -337,9 +346,22 @@ def show(folder: OutputFolder, summary: Summary, left_out: int, no_page: bool, n
 def bar(what: str) -> Iterator[Callable[[int, int], None]]:
     """A progress bar on standard error that says what is done and how long it still takes."""
     from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+    from rich.progress import (
+        BarColumn,
+        MofNCompleteColumn,
+        Progress,
+        TextColumn,
+        TimeElapsedColumn,
+        TimeRemainingColumn,
+    )
 
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TimeRemainingColumn())
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+        TimeRemainingColumn(),
+    )
     with Progress(*columns, console=Console(stderr=True)) as progress:
         task = progress.add_task(what, total=None)
         yield lambda done, total: progress.update(task, completed=done, total=total)
@@ -380,17 +402,34 @@ def surfsup(
         typer.echo(context.get_help())
 
 
+def one_line_warnings() -> Callable[..., None]:
+    """How warnings are shown to a user: one line each, and each once."""
+    told: set[str] = set()
+
+    def show_warning(message: Warning | str, *_: object) -> None:
+        if str(message) not in told:
+            told.add(str(message))
+            sys.stderr.write(f"surfsup: warning: {message}\n")
+
+    return show_warning
+
+
 def main() -> None:
     """Run the command line; exit with 0, 2 for bad input, 1 for a fault of ours, 130 when interrupted."""
+    warnings.showwarning = one_line_warnings()
     try:
         status = app(standalone_mode=False)
     except (InputError, typer.TyperException) as error:
         message = error.format_message() if isinstance(error, typer.TyperException) else str(error)
         sys.stderr.write(f"surfsup: {message}\n")
         sys.exit(2)
+    except SimulationError as error:
+        sys.stderr.write(f"surfsup: {error}\n")
+        sys.exit(1)
     except (KeyboardInterrupt, typer.Abort):
-        sys.stderr.write("surfsup: interrupted; the frames done so far are in the trajectory\n")
-        sys.exit(130)
+        status = INTERRUPTED
+    if status == INTERRUPTED:
+        sys.stderr.write("surfsup: interrupted; what was finished is kept\n")
     sys.exit(status if isinstance(status, int) else 0)
 
 

@@ -52,38 +52,27 @@ class Summary:
 class OutputFolder:
     """The folder that a simulation writes into."""
 
-    def __init__(self, path: Path) -> None:
-        """Take ``path`` as the output folder; it is made when the first file is.
+    def __init__(self, path: Path, particles: int, frames: int) -> None:
+        """Take ``path`` as the output folder of a simulation of that size, and make it.
 
         Raises:
-            InputError: it is a file, or cannot be written.
+            InputError: it is a file, cannot be written, or its disk has too little room for the trajectory.
         """
         self.path = path
         self.trajectory = path / "trajectory.h5"
         self.page = path / "page.html"
         self.video = path / "video.mp4"
         self.summary = path / "summary.json"
+        check_room(path, particles, frames)
         try:
             path.mkdir(parents=True, exist_ok=True)
             probe = path / ".writable"
             probe.touch()
             probe.unlink()
         except OSError as error:
-            raise InputError(f"{path}: cannot be used as the output folder: {error.strerror}") from None
-
-    def check_room(self, particles: int, frames: int) -> None:
-        """Refuse to start what cannot end: the trajectory must find room on the disk.
-
-        Raises:
-            InputError: there is less free than the frames may take.
-        """
-        needed = particles * frames * 6 * BYTES_PER_VALUE
-        free = shutil.disk_usage(self.path).free
-        if free < needed:
             raise InputError(
-                f"{self.path}: {frames} frames of {particles} particles take up to {needed / 1e6:.0f} MB, but only "
-                f"{free / 1e6:.0f} MB are free; give fewer --frames or another folder"
-            )
+                f"{path}: cannot be used as the output folder ({error.strerror}); give another with -o"
+            ) from None
 
     def record(
         self,
@@ -100,7 +89,6 @@ class OutputFolder:
         An interrupt leaves a readable trajectory of the frames done and their summary, and goes on to the caller.
         """
         particles = len(start.positions)
-        self.check_room(particles, scene.frames)
         began, simulating, done, inside, outside = time.perf_counter(), 0.0, 0, 0, 0
         lower, upper = np.float32(scene.container.lower), np.float32(scene.container.upper)
         source = iter(frames)
@@ -137,3 +125,17 @@ class OutputFolder:
         return summary
 
 
+def check_room(path: Path, particles: int, frames: int) -> None:
+    """Refuse to start what cannot end: the trajectory must find room on the disk that ``path`` is on.
+
+    Raises:
+        InputError: there is less free than the frames may take.
+    """
+    existing = next(folder for folder in (path, *path.absolute().parents) if folder.exists())
+    needed = particles * frames * 6 * BYTES_PER_VALUE
+    free = shutil.disk_usage(existing).free
+    if free < needed:
+        raise InputError(
+            f"{path}: {frames} frames of {particles} particles take up to {needed / 1e6:.0f} MB, but only "
+            f"{free / 1e6:.0f} MB are free; give fewer --frames or another folder with -o"
+        )

@@ -11,7 +11,6 @@ import trimesh
 
 from surfsup.errors import InputError
 from surfsup.scene import FRAME_TIME, PARTICLE_RADIUS, Scene
-from surfsup.sdf import to_mesh
 from surfsup.trajectory import Trajectory
 from surfsup.viewing.render import FrameRenderer
 from surfsup.viewing.video import choose_frames, write_video
@@ -25,7 +24,7 @@ Tell = Callable[[int, int], None]
 def solid_of(scene: Scene) -> trimesh.Trimesh | None:
     """The triangles of a scene's solid."""
     surface = scene.build_surface()
-    return None if surface is None else to_mesh(surface, SOLID_RESOLUTION)
+    return None if surface is None else surface.to_mesh(SOLID_RESOLUTION)
 
 
 def write_page_of(trajectory: Path, page: Path, tell: Tell) -> Path:

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 import torch
 import trimesh
-from conftest import SHAPES, fine_mesh, points_around
 
 from surfsup.errors import InputError
-from surfsup.sdf import Box, CappedCone, MeshSurface, Sphere, Torus, Transformed, Union, to_mesh
+from surfsup.sdf import Box, CappedCone, MeshSurface, Sphere, Torus, Transformed, Union, polygonise
+from tests.sdf.solids import SHAPES, fine_mesh, points_around
 
 TORUS = Torus(0.3, 0.12)
 TORUS_MESH = fine_mesh(Torus, {"major_radius": 0.3, "minor_radius": 0.12})
@@ -80,7 +80,7 @@ def test_points_on_the_surface_take_the_normal_of_face_edge_and_corner():
 
 def test_signs_are_right_with_one_triangle_in_twenty_missing():
     rng = np.random.default_rng(0)
-    solid = to_mesh(TORUS, 48)
+    solid = polygonise(TORUS, 48)
     kept = rng.random(len(solid.faces)) > 0.05
     damaged = trimesh.Trimesh(solid.vertices, solid.faces[kept], process=False)
     points = points_around(TORUS, count=5000, margin=0.1)
@@ -94,7 +94,7 @@ def test_signs_are_right_with_one_triangle_in_twenty_missing():
 
 def test_signs_are_right_with_one_face_in_fifty_turned_over():
     rng = np.random.default_rng(0)
-    solid = to_mesh(TORUS, 48)
+    solid = polygonise(TORUS, 48)
     faces = solid.faces.copy()
     flipped = rng.random(len(faces)) < 0.02
     faces[flipped] = faces[flipped][:, ::-1]
@@ -166,7 +166,7 @@ def test_bounds_are_those_of_the_triangles(torus):
 
 
 def test_marching_cubes_of_a_mesh_gives_the_mesh_again(torus):
-    assert to_mesh(torus, 32).volume == pytest.approx(TORUS_MESH.volume, rel=0.02)
+    assert polygonise(torus, 32).volume == pytest.approx(TORUS_MESH.volume, rel=0.02)
 
 
 @pytest.mark.parametrize("exact", [True, False])

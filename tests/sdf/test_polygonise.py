@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 import torch
-from conftest import SHAPES, fine_mesh
 
 from surfsup.errors import InputError
 from surfsup.sdf import (
@@ -17,8 +16,9 @@ from surfsup.sdf import (
     Transformed,
     Union,
     axis_rotation,
-    to_mesh,
+    polygonise,
 )
+from tests.sdf.solids import SHAPES, fine_mesh
 
 SOLIDS = {name: kind(**parameters) for name, (kind, parameters) in SHAPES.items()} | {
     "union": Union(Box((0.5, 0.5, 0.3)), Transformed(Sphere(0.25), translation=(0, 0, 0.25))),
@@ -30,7 +30,7 @@ SOLIDS = {name: kind(**parameters) for name, (kind, parameters) in SHAPES.items(
 @pytest.mark.parametrize("name", SOLIDS)
 def test_the_mesh_is_closed_faces_outward_and_lies_on_the_surface(name):
     solid = SOLIDS[name]
-    mesh = to_mesh(solid, 48)
+    mesh = polygonise(solid, 48)
     assert mesh.is_watertight
     assert mesh.is_winding_consistent
     assert mesh.volume > 0
@@ -43,23 +43,23 @@ def test_the_mesh_is_closed_faces_outward_and_lies_on_the_surface(name):
 
 @pytest.mark.parametrize(("kind", "parameters"), [SHAPES["sphere-small"], SHAPES["torus-fat"]])
 def test_the_volume_is_that_of_the_solid(kind, parameters):
-    assert to_mesh(kind(**parameters), 64).volume == pytest.approx(
+    assert polygonise(kind(**parameters), 64).volume == pytest.approx(
         fine_mesh(kind, parameters).volume, rel=5e-3
     )
 
 
 def test_more_resolution_is_more_triangles():
-    assert len(to_mesh(Sphere(0.3), 32).faces) > 3 * len(to_mesh(Sphere(0.3), 16).faces)
+    assert len(polygonise(Sphere(0.3), 32).faces) > 3 * len(polygonise(Sphere(0.3), 16).faces)
 
 
 def test_double_precision_surfaces_and_flat_faces_on_grid_planes_work():
     cube = Box(torch.tensor([0.5, 0.5, 0.5], dtype=torch.float64))
-    assert to_mesh(cube, 32).is_watertight
-    np.testing.assert_allclose(to_mesh(CappedCone(0.5, 0.3), 64).bounds[:, 2], (-0.25, 0.25), atol=1e-5)
+    assert polygonise(cube, 32).is_watertight
+    np.testing.assert_allclose(polygonise(CappedCone(0.5, 0.3), 64).bounds[:, 2], (-0.25, 0.25), atol=1e-5)
 
 
 @pytest.mark.parametrize("gap", [0.3, 5.0])
 def test_an_empty_solid_is_refused(gap):
     apart = Transformed(Sphere(0.1), translation=(gap, 0.15, 0.0))
     with pytest.raises(InputError, match="empty"):
-        to_mesh(Intersection(Sphere(0.1), apart))
+        polygonise(Intersection(Sphere(0.1), apart))

@@ -5,12 +5,12 @@ import math
 import numpy as np
 import pytest
 import torch
-from conftest import SHAPES, fine_mesh, points_around
 from hypothesis import given
 from hypothesis import strategies as st
 
 from surfsup.errors import InputError
 from surfsup.sdf import Box, CappedCone, Cylinder, MeshSurface, Sphere, Torus
+from tests.sdf.solids import SHAPES, fine_mesh, points_around
 
 
 def doubles(parameters):

@@ -2,14 +2,16 @@
 
 import math
 
+import numpy as np
 import pytest
 import torch
-from conftest import points_around
+import trimesh
 from hypothesis import given
 from hypothesis import strategies as st
 
 from surfsup.errors import InputError
-from surfsup.sdf import Box, CappedCone, Sphere, Transformed, Union, axis_rotation
+from surfsup.sdf import Box, CappedCone, MeshSurface, Sphere, Transformed, Union, axis_rotation
+from tests.sdf.solids import points_around
 
 axis = st.tuples(*[st.floats(-1, 1)] * 3).filter(lambda v: sum(x * x for x in v) > 0.01)
 degrees = st.floats(-720, 720)
@@ -137,3 +139,13 @@ def test_an_axis_without_a_direction_is_refused(wrong):
 def test_what_would_make_distances_untrue_is_refused(arguments, named):
     with pytest.raises(InputError, match=named):
         Transformed(Sphere(0.3), **arguments)
+
+
+def test_a_transformed_mesh_keeps_its_own_triangles_and_a_mirrored_one_its_outside():
+    tube = trimesh.creation.cylinder(0.2, 0.5)
+    mirror = torch.diag(torch.tensor([-1.0, 1.0, 1.0]))
+    solid = Transformed(MeshSurface(tube), mirror, (0.1, 0.0, 0.3), scale=0.5)
+    mesh = solid.to_mesh()
+    assert len(mesh.faces) == len(tube.faces)
+    assert mesh.volume == pytest.approx(tube.volume / 8)
+    np.testing.assert_allclose(mesh.bounds, solid.bounds().numpy(), atol=1e-6)

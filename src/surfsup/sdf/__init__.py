@@ -3,7 +3,7 @@
 from surfsup.sdf.combine import Difference, Intersection, Union
 from surfsup.sdf.mesh import MeshSurface
 from surfsup.sdf.mesh_file import MeshWarning, fit_mesh, load_mesh
-from surfsup.sdf.polygonise import to_mesh
+from surfsup.sdf.polygonise import polygonise
 from surfsup.sdf.primitives import Box, CappedCone, Cylinder, Sphere, Torus
 from surfsup.sdf.surface import Surface
 from surfsup.sdf.transform import Transformed, axis_rotation
@@ -24,5 +24,5 @@ __all__ = [
     "axis_rotation",
     "fit_mesh",
     "load_mesh",
-    "to_mesh",
+    "polygonise",
 ]

@@ -81,6 +81,12 @@ class MeshSurface(Surface):
         """The box around the triangles (2, 3)."""
         return self.box
 
+    def to_mesh(self, resolution: int = 96) -> trimesh.Trimesh:
+        """The triangles themselves, whatever the ``resolution``."""
+        import trimesh
+
+        return trimesh.Trimesh(self.query.vertices, self.query.faces, process=False)
+
     def look_up(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Distance (N,) and normal (N, 3) of ``points`` (N, 3) float64."""
         if len(points) == 0:

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 CHUNK = 200_000  # grid points a query: bounds the memory of the surface's own intermediate tensors
 
 
-def to_mesh(surface: Surface, resolution: int = 96) -> trimesh.Trimesh:
+def polygonise(surface: Surface, resolution: int = 96) -> trimesh.Trimesh:
     """Triangles of the zero set by marching cubes, vertices then moved onto the surface by Newton's method.
 
     Args:

@@ -4,9 +4,13 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from itertools import chain
+from typing import TYPE_CHECKING
 
 import torch
 from torch import Tensor, nn
+
+if TYPE_CHECKING:
+    import trimesh
 
 
 class Surface(nn.Module, ABC):
@@ -42,6 +46,19 @@ class Surface(nn.Module, ABC):
     def records_gradients(self) -> bool:
         """Whether any parameter of the shape (a module parameter or a buffer) wants a gradient."""
         return any(tensor.requires_grad for tensor in chain(self.parameters(), self.buffers()))
+
+    def to_mesh(self, resolution: int = 96) -> trimesh.Trimesh:
+        """Triangles of the surface in metres: its own where it has some, else marching cubes.
+
+        Args:
+            resolution: cells of marching cubes along the longest side.
+
+        Raises:
+            InputError: nothing of the solid is larger than a cell.
+        """
+        from surfsup.sdf.polygonise import polygonise
+
+        return polygonise(self, resolution)
 
     def forward(self, points: Tensor) -> Tensor:
         """The same as :meth:`distance`."""

@@ -4,13 +4,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
+import numpy as np
 import torch
 from torch import Tensor
 
 from surfsup.errors import InputError
 from surfsup.sdf.primitives import positive
 from surfsup.sdf.surface import Surface
+
+if TYPE_CHECKING:
+    import trimesh
 
 
 class Transformed(Surface):
@@ -54,6 +59,14 @@ class Transformed(Surface):
         corners = torch.where(pick, upper, lower) * self.scale
         corners = corners @ self.rotation.T.to(corners.dtype) + self.translation.to(corners.dtype)
         return torch.stack([corners.amin(dim=0), corners.amax(dim=0)])
+
+    def to_mesh(self, resolution: int = 96) -> trimesh.Trimesh:
+        """The surface's own triangles, transformed."""
+        mesh = self.surface.to_mesh(resolution)
+        matrix = np.eye(4)
+        matrix[:3, :3] = (self.scale * self.rotation).detach().cpu().numpy()
+        matrix[:3, 3] = self.translation.detach().cpu().numpy()
+        return mesh.apply_transform(matrix)
 
 
 def axis_rotation(axis: Sequence[float] | Tensor, degrees: float | Tensor) -> Tensor:
