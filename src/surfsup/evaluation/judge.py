@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import torch
 
+from surfsup.errors import InputError
 from surfsup.evaluation.metrics import Chamfer, centre_height, chamfer, kinetic_energy
 from surfsup.model.simulator import Simulator
 from surfsup.model.state import State, Surroundings
@@ -40,7 +41,7 @@ class Scores:
 
     @property
     def rank(self) -> float:
-        """What checkpoints are chosen by, smaller is better: Chamfer, and energy and height so far as they are off."""
+        """What checkpoints are chosen by, smaller is better: Chamfer, and how far energy and height are off."""
         if not math.isfinite(self.chamfer):
             return math.inf
         return self.chamfer + 0.2 * self.height_error + 0.02 * abs(math.log(max(self.energy_ratio, 1e-3)))
@@ -73,7 +74,7 @@ def rollout_scores(
     scores = {}
     for frame, (now, moved) in enumerate(model.rollout(state, around, frames, guarded)):
         positions, velocities = now.positions.numpy(), now.velocities.numpy()
-        if not np.isfinite(positions).all():
+        if not (np.isfinite(positions).all() and np.isfinite(velocities).all()):
             tally.chamfer.append(Chamfer(math.nan, math.nan))
             break
         if frame % every == 0:
@@ -107,7 +108,7 @@ class Tally:
             chamfer=float(np.mean([one.plain for one in self.chamfer])),
             chamfer_squared=float(np.mean([one.squared for one in self.chamfer])),
             height_error=float(np.mean(self.height_error)),
-            energy_ratio=sum(self.energy) / sum(self.true_energy),
+            energy_ratio=ratio(sum(self.energy), sum(self.true_energy)),
             inside=self.inside,
             outside=self.outside,
             guarded=float(np.mean(self.guarded)),
@@ -115,12 +116,35 @@ class Tally:
 
 
 def judge(model: Simulator, folder: Path, scenes: int, frames: int) -> Scores:
-    """Mean scores over the first ``scenes`` trajectories of ``folder``; Chamfer at every fifth frame."""
+    """Mean scores over the first ``scenes`` trajectories of ``folder``; Chamfer at every fifth frame.
+
+    Raises:
+        InputError: the folder has no trajectories.
+    """
     every = []
-    for path in sorted(folder.glob("*.h5"))[:scenes]:
+    for path in first_trajectories(folder, scenes):
         with Trajectory(path) as truth:
             every.append(rollout_scores(model, truth, [frames], every=5)[frames])
     return mean_scores(every)
+
+
+def first_trajectories(folder: Path, count: int) -> list[Path]:
+    """The first ``count`` trajectory files of ``folder``.
+
+    Raises:
+        InputError: there is none.
+    """
+    paths = sorted(folder.glob("*.h5"))[:count]
+    if not paths:
+        raise InputError(f"{folder}: has no trajectories (*.h5) to judge by; make some with 'surfsup generate'")
+    return paths
+
+
+def ratio(energy: float, true_energy: float) -> float:
+    """One over the other; 1 where both are nothing, as of water that stays at rest."""
+    if true_energy == 0:
+        return 1.0 if energy == 0 else math.inf
+    return energy / true_energy
 
 
 def mean_scores(scores: list[Scores]) -> Scores:

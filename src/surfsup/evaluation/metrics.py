@@ -1,7 +1,7 @@
 """How far one frame of particles is from another.
 
-Formulas are those of the SURFSUP supplement, section 6.1. Its Chamfer distance is printed with squared distances;
-the magnitudes that its tables report fit plain distances. Both are given, always.
+Formulas are those of the SURFSUP supplement, section 6.1. Its Chamfer distance is printed with squared
+distances; the magnitudes that its tables report fit plain distances. Both are given, always.
 """
 
 from __future__ import annotations
@@ -29,9 +29,7 @@ def chamfer(predicted: np.ndarray, truth: np.ndarray) -> Chamfer:
     """The Chamfer distance of ``predicted`` (N, 3) and ``truth`` (M, 3), metres."""
     there = cKDTree(truth).query(predicted)[0]
     back = cKDTree(predicted).query(truth)[0]
-    return Chamfer(
-        float(there.mean() + back.mean()), float(np.square(there).mean() + np.square(back).mean())
-    )
+    return Chamfer(float(there.mean() + back.mean()), float(np.square(there).mean() + np.square(back).mean()))
 
 
 def centre_height(positions: np.ndarray) -> float:

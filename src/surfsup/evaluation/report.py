@@ -31,9 +31,7 @@ class SceneScores:
     spans: dict[int, Scores]
 
 
-def evaluate(
-    model: Simulator, folder: Path, guarded: bool, tell: Callable[[int, int], None]
-) -> list[SceneScores]:
+def evaluate(model: Simulator, folder: Path, guarded: bool, tell: Callable[[int, int], None]) -> list[SceneScores]:
     """Roll ``model`` out beside every trajectory of ``folder``.
 
     Raises:

@@ -6,11 +6,11 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Annotated
 
-import yaml
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from surfsup.errors import InputError
 from surfsup.scene.complaints import one_line
+from surfsup.scene.text import parse_yaml
 
 Count = Annotated[int, Field(ge=1)]
 Share = Annotated[float, Field(ge=0, le=1)]
@@ -68,7 +68,7 @@ class TrainingConfig(BaseModel):
     judge_scenes: Count = 5
     judge_frames: Count = 300
     phases: Annotated[list[Phase], Field(min_length=1)]
-    seed: int = 0
+    seed: Annotated[int, Field(ge=0)] = 0
 
     def phase(self, step: int) -> Phase:
         """The phase that ``step`` belongs to."""
@@ -85,20 +85,26 @@ def load_config(name: str, overrides: list[str] | None = None) -> TrainingConfig
         InputError: no such preset or file, an unknown key, or a value out of range.
     """
     presets = files("surfsup.training") / "presets"
-    known = sorted(entry.name.removesuffix(".yaml") for entry in presets.iterdir())
+    known = sorted(entry.name.removesuffix(".yaml") for entry in presets.iterdir() if entry.name.endswith(".yaml"))
     path = Path(name)
     if name in known:
         text = (presets / f"{name}.yaml").read_text()
     elif path.is_file():
-        text = path.read_text()
+        try:
+            text = path.read_text(encoding="utf-8")
+        except (OSError, ValueError) as error:
+            reason = error.strerror if isinstance(error, OSError) else "it is not text"
+            raise InputError(f"{path}: cannot be read as a configuration: {reason}") from None
     else:
         raise InputError(f"there is no training preset or file '{name}'; presets are {', '.join(known)}")
-    data = yaml.safe_load(text) or {}
+    data = parse_yaml(text, name) or {}
+    if not isinstance(data, dict):
+        raise InputError(f"{name}: a configuration is a mapping with at least the key 'phases'")
     for override in overrides or []:
         key, equals, value = override.partition("=")
         if not equals:
             raise InputError(f"'{override}' is not of the form key=value")
-        data[key] = yaml.safe_load(value)
+        data[key] = parse_yaml(value, override)
     try:
         return TrainingConfig.model_validate(data)
     except ValidationError as error:

@@ -18,9 +18,7 @@ ENERGY_CELL = 0.12  # metres
 def wanted_correction(seen: Observation, positions: Tensor, velocities: Tensor) -> Correction:
     """The correction that would have led from ``seen`` to the true positions and velocities (N, 3)."""
     gained = velocities - seen.state.velocities - FRAME_TIME * seen.gravity
-    return Correction(
-        gained * FRAME_TIME / DISPLACEMENT_SCALE, (positions - seen.ahead) / DISPLACEMENT_SCALE
-    )
+    return Correction(gained * FRAME_TIME / DISPLACEMENT_SCALE, (positions - seen.ahead) / DISPLACEMENT_SCALE)
 
 
 def motion_loss(predicted: Correction, wanted: Correction, near: Tensor) -> Tensor:
@@ -43,8 +41,8 @@ def motion_loss(predicted: Correction, wanted: Correction, near: Tensor) -> Tens
 def energy_loss(velocities: Tensor, true_velocities: Tensor, places: Tensor, shift: Tensor) -> Tensor:
     """Error of the kinetic energy of small cells of fluid.
 
-    A prediction that is right on the mean loses the energy of all that it cannot know; asking for the energy of a cell
-    rather than of a particle gives it back without asking for what is chaotic.
+    A prediction that is right on the mean loses the energy of all that it cannot know; asking for the energy of
+    a cell rather than of a particle gives it back without asking for what is chaotic.
 
     Args:
         velocities: (N, 3) predicted, m/s.
@@ -59,7 +57,6 @@ def energy_loss(velocities: Tensor, true_velocities: Tensor, places: Tensor, shi
     _, cell = torch.unique(cell, dim=0, return_inverse=True)
     cells = int(cell.max()) + 1
     total, true_total, count = (
-        torch.zeros(cells, device=cell.device).index_add(0, cell, values)
-        for values in (energy, true_energy, torch.ones_like(energy))
+        energy.new_zeros(cells).index_add(0, cell, values) for values in (energy, true_energy, torch.ones_like(energy))
     )
     return ((total - true_total).square() / (true_total + count)).sum() / len(places)

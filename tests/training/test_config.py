@@ -1,0 +1,90 @@
+import pytest
+
+from surfsup.errors import InputError
+from surfsup.training.config import Phase, TrainingConfig, load_config, seconds_of
+
+
+def complaint(name: str, *overrides: str) -> str:
+    with pytest.raises(InputError) as error:
+        load_config(name, list(overrides))
+    assert "\n" not in str(error.value)
+    return str(error.value)
+
+
+def test_the_shipped_preset_is_valid_and_covers_all_steps():
+    config = load_config("first")
+    assert config.phases[-1].until == 1
+    assert [phase.until for phase in config.phases] == sorted(phase.until for phase in config.phases)
+
+
+def test_overrides_replace_values_of_the_preset():
+    config = load_config("first", ["steps=10", "learning_rate=1e-3", "seed=7", "phases=[{until: 1, noise: 0}]"])
+    assert (config.steps, config.learning_rate, config.seed) == (10, 1e-3, 7)
+    assert config.phases == [Phase(until=1, noise=0)]
+    assert config.width == load_config("first").width
+
+
+def test_a_file_is_as_good_as_a_preset(tmp_path):
+    path = tmp_path / "mine.yaml"
+    path.write_text("steps: 12\nphases: [{until: 1.0}]")
+    assert load_config(str(path)) == TrainingConfig(steps=12, phases=[Phase(until=1.0)])
+
+
+def test_a_configuration_survives_the_way_through_json():
+    config = load_config("first")
+    assert TrainingConfig.model_validate_json(config.model_dump_json()) == config
+
+
+@pytest.mark.parametrize(
+    ("override", "said"),
+    [
+        ("stepps=10", "unknown key 'stepps'; did you mean 'steps'?"),
+        ("phases=[{until: 1, noize: 1}]", "unknown key 'phases.0.noize'; did you mean 'noise'?"),
+        ("steps", "'steps' is not of the form key=value"),
+        ("steps=0", "steps: "),
+        ("steps=many", "steps: "),
+        ("steps=", "steps: "),
+        ("steps=[1", "is not YAML"),
+        ("radius=.nan", "radius: "),
+        ("radius=-1", "radius: "),
+        ("averaging=1.1", "averaging: "),
+        ("seed=-1", "seed: "),
+        ("phases=[]", "phases: "),
+        ("phases=[{until: 2}]", "phases.0.until: "),
+        ("phases=[{until: 1, unroll: 0}]", "phases.0.unroll: "),
+    ],
+)
+def test_a_wrong_override_is_named(override, said):
+    assert said in complaint("first", override)
+
+
+def test_an_unknown_preset_is_answered_with_those_there_are():
+    assert "no training preset or file 'frist'; presets are first" in complaint("frist")
+
+
+@pytest.mark.parametrize("content", [b"steps: [", b"- 1", b"words", bytes(range(256)), b"", b"a: &b 1\nc: *b"])
+def test_a_file_that_is_no_configuration_is_one_line(tmp_path, content):
+    path = tmp_path / "wrong.yaml"
+    path.write_bytes(content)
+    assert str(path) in complaint(str(path))
+
+
+def test_steps_belong_to_the_phase_that_has_not_ended():
+    config = TrainingConfig(steps=10, phases=[Phase(until=0.5), Phase(until=0.8), Phase(until=1.0)])
+    assert [config.phases.index(config.phase(step)) for step in range(10)] == [0] * 5 + [1] * 3 + [2] * 2
+
+
+def test_after_the_last_phase_comes_none():
+    config = TrainingConfig(steps=10, phases=[Phase(until=0.5)])
+    assert config.phase(9) is config.phases[0]
+
+
+@pytest.mark.parametrize(("text", "seconds"), [("90s", 90), ("30m", 1800), ("1.5h", 5400), (" 2m", 120)])
+def test_lengths_of_time(text, seconds):
+    assert seconds_of(text) == seconds
+
+
+@pytest.mark.parametrize("text", ["", "5", "m", "-3m", "0s", "infs", "nanm", "3 days"])
+def test_what_is_no_length_of_time_is_refused(text):
+    with pytest.raises(InputError, match="is not a length of time"):
+        seconds_of(text)

@@ -1,0 +1,95 @@
+import math
+
+import pytest
+import torch
+
+from surfsup.model.features import DISPLACEMENT_SCALE
+from surfsup.model.simulator import Architecture, Correction, Simulator
+from surfsup.model.state import FRAME_TIME, State, Surroundings
+from surfsup.training.loss import ENERGY_CELL, energy_loss, motion_loss, wanted_correction
+
+AROUND = Surroundings(
+    None, torch.tensor([-0.5, -0.5, 0.0]), torch.tensor([0.5, 0.5, 2.0]), torch.tensor([0.0, 0.0, -9.81])
+)
+SPEED = DISPLACEMENT_SCALE / FRAME_TIME  # m/s that count as 1 in the energy loss
+
+
+def seen_by(simulator: Simulator):
+    state = State.in_free_fall(torch.rand(20, 3) * 0.2 + 0.3, torch.randn(20, 3), AROUND.gravity)
+    return simulator.observe(state, AROUND)
+
+
+def test_the_wanted_correction_leads_to_the_truth_and_costs_nothing():
+    simulator = Simulator(Architecture(width=4, layers=1))
+    seen = seen_by(simulator)
+    positions = seen.ahead + 1e-3 * torch.randn(20, 3)
+    velocities = seen.state.velocities + torch.randn(20, 3)
+    wanted = wanted_correction(seen, positions, velocities)
+    reached = simulator.advance(seen, wanted)
+    torch.testing.assert_close(reached[0], positions, atol=1e-6, rtol=0)
+    torch.testing.assert_close(reached[1], velocities, atol=1e-5, rtol=0)
+    assert motion_loss(wanted, wanted, torch.zeros(20, dtype=torch.bool)) == 0
+
+
+def test_in_free_fall_nothing_is_wanted():
+    seen = seen_by(Simulator(Architecture(width=4, layers=1)))
+    wanted = wanted_correction(seen, seen.ahead, seen.state.velocities + FRAME_TIME * AROUND.gravity)
+    assert wanted.velocity.abs().max() < 1e-4
+    assert (wanted.position == 0).all()
+
+
+def test_motion_loss_worked_by_hand():
+    nothing = Correction(torch.zeros(2, 3), torch.zeros(2, 3))
+    wanted = Correction(torch.tensor([[1.0, 0, 0], [0, 0, 0]]), torch.tensor([[0, 2.0, 0], [0, 0, 0]]))
+    far, near = torch.tensor([False, False]), torch.tensor([True, False])
+    size = math.sqrt(0.5 + 0.05)  # the mean of 1 and 0, and the floor
+    # Velocity 1² and twice position 2² make 9 for the first particle and 0 for the second.
+    assert float(motion_loss(nothing, wanted, far)) == pytest.approx((9 + 0) / 2 / size)
+    assert float(motion_loss(nothing, wanted, near)) == pytest.approx((2 * 9 + 0) / 3 / size)
+
+
+def speeds(*values: float) -> torch.Tensor:
+    return SPEED * torch.tensor([[value, 0.0, 0.0] for value in values])
+
+
+TOGETHER = torch.tensor([[0.01, 0.0, 0.0], [0.02, 0.0, 0.0]])
+APART = torch.tensor([[0.01, 0.0, 0.0], [0.01 + ENERGY_CELL, 0.0, 0.0]])
+
+
+@pytest.mark.parametrize(
+    ("predicted", "true", "places", "expected"),
+    [
+        # Energies 2 and 2 where 0.5 and 0.5 are true, in one cell: (4 - 1)² / (1 + 2), over 2 particles.
+        ((2, 2), (1, 1), TOGETHER, 1.5),
+        # In two cells: (2 - 0.5)² / (0.5 + 1) each.
+        ((2, 2), (1, 1), APART, 1.5),
+        # Energy exchanged inside a cell costs nothing, between cells it does: 1.5² / (0.5 + 1) + 1.5² / (2 + 1).
+        ((2, 1), (1, 2), TOGETHER, 0.0),
+        ((2, 1), (1, 2), APART, (1.5 + 0.75) / 2),
+        ((-1, 1), (1, -1), APART, 0.0),
+    ],
+)
+def test_energy_loss_worked_by_hand(predicted, true, places, expected):
+    loss = energy_loss(speeds(*predicted), speeds(*true), places, torch.zeros(3))
+    assert float(loss) == pytest.approx(expected, abs=1e-5)
+
+
+def test_the_shift_of_the_cells_decides_who_is_together():
+    boundary = torch.tensor([[ENERGY_CELL - 0.01, 0, 0], [ENERGY_CELL + 0.01, 0, 0]])
+    arguments = speeds(2, 1), speeds(1, 2), boundary
+    assert energy_loss(*arguments, torch.zeros(3)) > 1
+    assert energy_loss(*arguments, torch.tensor([0.05, 0.0, 0.0])) == pytest.approx(0, abs=1e-5)
+
+
+def test_losses_have_the_gradients_of_finite_differences():
+    random = torch.Generator().manual_seed(0)
+
+    def draw() -> torch.Tensor:
+        return torch.randn(6, 3, generator=random, dtype=torch.float64)
+
+    places, true, shift = draw() * 0.1, 0.1 * draw(), torch.zeros(3, dtype=torch.float64)
+    velocities = (0.1 * draw()).requires_grad_()
+    assert torch.autograd.gradcheck(lambda v: energy_loss(v, true, places, shift), velocities)
+    wanted, near = Correction(draw(), draw()), torch.tensor([True, False] * 3)
+    predicted = draw().requires_grad_(), draw().requires_grad_()
+    assert torch.autograd.gradcheck(lambda v, x: motion_loss(Correction(v, x), wanted, near), predicted)
