@@ -14,8 +14,7 @@ from surfsup.trajectory import FRAMES_PER_CHUNK, Provenance, Trajectory, Traject
 
 PARTICLES = 20
 SCENE = Scene.from_yaml(
-    "surface: {sphere: {radius: 0.3}, at: [0, 0, 0.3]}\n"
-    "fluid: [{block: {min: [-0.1, -0.1, 1], max: [0.1, 0.1, 1.2]}}]",
+    "surface: {sphere: {radius: 0.3}, at: [0, 0, 0.3]}\nfluid: [{block: {min: [-0.1, -0.1, 1], max: [0.1, 0.1, 1.2]}}]",
     "test",
 )
 

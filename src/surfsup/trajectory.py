@@ -67,14 +67,10 @@ class Trajectory:
                 raise ValueError(f"{self.positions.shape} positions, {self.velocities.shape} velocities")
             attributes = dict(self._file.attrs)
             self.scene = Scene.from_yaml(str(attributes["scene"]), f"{path} (scene)", path.parent)
-            self.provenance = Provenance(
-                str(attributes["model"]), int(attributes["seed"]), str(attributes["version"])
-            )
+            self.provenance = Provenance(str(attributes["model"]), int(attributes["seed"]), str(attributes["version"]))
         except BaseException as error:
             self._file.close()
-            if isinstance(error, OSError | KeyError | TypeError | ValueError) and not isinstance(
-                error, InputError
-            ):
+            if isinstance(error, OSError | KeyError | TypeError | ValueError) and not isinstance(error, InputError):
                 raise InputError(not_a_trajectory(path, error)) from None
             raise
 
@@ -191,9 +187,7 @@ class TrajectoryWriter:
         except OSError as error:
             raise InputError(f"{self._path}: cannot be written ({error.strerror})") from None
         if free < needed:
-            raise InputError(
-                f"{self._path}: cannot be written: the disk is full ({free / 1e6:.3g} MB are free)"
-            )
+            raise InputError(f"{self._path}: cannot be written: the disk is full ({free / 1e6:.3g} MB are free)")
 
     def __enter__(self) -> TrajectoryWriter:
         return self

@@ -133,8 +133,7 @@ def test_an_interrupt_leaves_only_whole_trajectories(tmp_path):
 
 def trajectory_of(path, change) -> None:
     scene = Scene.from_yaml(
-        "surface: {sphere: {radius: 0.3}, at: [0, 0, 0.3]}\n"
-        "fluid: [{block: {min: [0, 0, 1.0], max: [0.1, 0.1, 1.1]}}]",
+        "surface: {sphere: {radius: 0.3}, at: [0, 0, 0.3]}\nfluid: [{block: {min: [0, 0, 1.0], max: [0.1, 0.1, 1.1]}}]",
         "test",
     )
     start = scene.start(None)

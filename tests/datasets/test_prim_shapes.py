@@ -4,7 +4,7 @@ import pytest
 from surfsup.datasets import prim_shapes
 from surfsup.datasets.generate import recipe_scene
 from surfsup.errors import InputError
-from surfsup.sdf import to_mesh
+from surfsup.sdf import polygonise
 
 SCENES = [recipe_scene("prim-shapes", 3, index) for index in range(25)]
 KINDS = ["sphere", "box", "cylinder", "cone", "torus"]
@@ -42,9 +42,7 @@ def test_the_five_shapes_take_turns():
 def test_sizes_are_in_the_supplements_ranges():
     for draw in range(200):
         random = np.random.default_rng(draw)
-        sphere, box, cylinder, cone, torus = (
-            next(iter(shape(random).values())) for shape in prim_shapes.SHAPES
-        )
+        sphere, box, cylinder, cone, torus = (next(iter(shape(random).values())) for shape in prim_shapes.SHAPES)
         assert 0.25 <= sphere.radius <= 0.5
         assert all(0.4 <= side <= 0.7 for side in box.size)
         assert 0.15 <= cylinder.radius <= 0.35
@@ -59,7 +57,7 @@ def test_sizes_are_in_the_supplements_ranges():
 @pytest.mark.parametrize("index", range(25))
 def test_the_shape_stands_on_the_floor_between_the_walls_and_the_water_is_above(index):
     scene = SCENES[index]
-    lower, upper = to_mesh(scene.build_surface(), 100).bounds
+    lower, upper = polygonise(scene.build_surface(), 100).bounds
     assert -CORNER < lower[2] <= 1e-3
     for axis in (0, 1):
         if upper[axis] - lower[axis] <= 1 - CORNER:

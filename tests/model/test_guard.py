@@ -131,9 +131,7 @@ def test_gradients_of_a_push_are_those_of_finite_differences():
     wide = torch.full((3,), 2.0, dtype=torch.float64)
 
     def pushed(radius, positions, velocities):
-        kept = guard(
-            wide.expand(2, 3) / 2, positions, velocities, Surroundings(Sphere(radius), -wide, wide, wide)
-        )
+        kept = guard(wide.expand(2, 3) / 2, positions, velocities, Surroundings(Sphere(radius), -wide, wide, wide))
         return kept.positions, kept.velocities
 
     assert torch.autograd.gradcheck(pushed, (radius, positions, velocities))

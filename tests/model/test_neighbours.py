@@ -3,6 +3,7 @@ import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
+from surfsup.errors import SimulationError
 from surfsup.model.neighbours import Neighbourhood, neighbourhood
 from surfsup.scene import Block
 
@@ -37,9 +38,7 @@ def test_it_equals_all_pairs_by_brute_force(count, radius, seed):
     assert edges(near) == brute_force(positions, radius)
 
 
-@pytest.mark.parametrize(
-    ("radius", "most"), [(0.0299, 0), (0.031, 6), (0.043, 18), (0.0599, 26), (0.061, 32)]
-)
+@pytest.mark.parametrize(("radius", "most"), [(0.0299, 0), (0.031, 6), (0.043, 18), (0.0599, 26), (0.061, 32)])
 def test_on_the_solvers_lattice(radius, most):
     positions = torch.from_numpy(Block(min=(0, 0, 0), max=(0.24, 0.24, 0.24)).positions())
     near = neighbourhood(positions, radius)
@@ -60,11 +59,15 @@ def test_particles_on_their_own_have_no_neighbours(count):
 
 
 def test_particles_in_one_place_are_neighbours_but_none_is_its_own():
-    assert edges(neighbourhood(torch.zeros(3, 3), 0.1)) == {
-        (a, b) for a in range(3) for b in range(3) if a != b
-    }
+    assert edges(neighbourhood(torch.zeros(3, 3), 0.1)) == {(a, b) for a in range(3) for b in range(3) if a != b}
 
 
 def test_double_precision_and_gradients_are_taken_as_they_come():
     positions = torch.rand(20, 3, dtype=torch.float64, requires_grad=True)
     assert edges(neighbourhood(positions, 0.3)) == brute_force(positions.detach(), 0.3)
+
+
+@pytest.mark.parametrize("value", [torch.nan, torch.inf])
+def test_a_position_that_is_not_finite_is_said_in_one_line(value):
+    with pytest.raises(SimulationError, match="the simulation blew up"):
+        neighbourhood(torch.tensor([[0.0, 0.0, 0.0], [0.0, value, 0.0]]), 0.1)

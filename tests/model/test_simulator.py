@@ -33,9 +33,7 @@ def silent(dtype=torch.float32) -> Simulator:
 
 def water(count: int = 60, seed: int = 0, dtype=torch.float32, low: float = 1.0) -> State:
     random = torch.Generator().manual_seed(seed)
-    positions = torch.rand(count, 3, generator=random, dtype=dtype) * 0.2 + torch.tensor(
-        [0, 0, low], dtype=dtype
-    )
+    positions = torch.rand(count, 3, generator=random, dtype=dtype) * 0.2 + torch.tensor([0, 0, low], dtype=dtype)
     velocities = torch.randn(count, 3, generator=random, dtype=dtype)
     return State.in_free_fall(positions, velocities, GRAVITY.to(dtype))
 
@@ -126,10 +124,7 @@ def test_scenes_joined_for_one_pass_are_corrected_as_on_their_own():
     simulator = model(dtype=torch.float64)
     sideways = torch.tensor([1.0, 0.0, -5.0])
     places = [around(None, torch.float64), around(Sphere(0.9).double(), torch.float64, sideways)]
-    seen = [
-        simulator.observe(water(n, n, torch.float64), place)
-        for n, place in zip((30, 12), places, strict=True)
-    ]
+    seen = [simulator.observe(water(n, n, torch.float64), place) for n, place in zip((30, 12), places, strict=True)]
     joined = simulator.correct(join_observations(seen))
     alone = [simulator.correct(one) for one in seen]
     torch.testing.assert_close(joined.velocity, torch.cat([one.velocity for one in alone]))

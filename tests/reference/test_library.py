@@ -12,9 +12,7 @@ def test_a_missing_opengl_library_is_named_with_its_debian_package(monkeypatch):
         raise OSError(f"{name}: cannot open shared object file")
 
     monkeypatch.setattr(ctypes, "CDLL", missing)
-    with pytest.raises(
-        InputError, match=r"needs libGLX\.so\.0, which this system lacks: apt-get install libgl1"
-    ):
+    with pytest.raises(InputError, match=r"needs libGLX\.so\.0, which this system lacks: apt-get install libgl1"):
         load_solver()
 
 

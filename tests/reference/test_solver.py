@@ -26,10 +26,7 @@ SMALL = (
     "- block: {min: [-0.12, -0.12, 0.2], max: [0, 0, 0.32]}\n"
     "- block: {min: [0.05, 0.05, 0.2], max: [0.14, 0.14, 0.32], velocity: [0.1, 0, 0.5]}\n"
 )
-ONE_BLOCK = (
-    "container: {size: [0.4, 0.4, 0.4]}\n"
-    "fluid: [{block: {min: [-0.1, -0.1, 0.2], max: [0.05, 0.05, 0.35]}}]\n"
-)
+ONE_BLOCK = "container: {size: [0.4, 0.4, 0.4]}\nfluid: [{block: {min: [-0.1, -0.1, 0.2], max: [0.05, 0.05, 0.35]}}]\n"
 
 
 def scene(text: str) -> Scene:

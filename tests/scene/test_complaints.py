@@ -41,9 +41,7 @@ def test_an_unknown_key_is_named_with_the_nearest_valid_one(text, key, nearest):
 
 
 def test_an_unknown_key_that_is_like_no_other_is_answered_with_all():
-    assert complaint(WATER + "qqq: 1") == (
-        "unknown key 'qqq'; known are container, surface, fluid, gravity, frames"
-    )
+    assert complaint(WATER + "qqq: 1") == ("unknown key 'qqq'; known are container, surface, fluid, gravity, frames")
 
 
 def test_an_unknown_key_of_several_lines_still_makes_one_line():

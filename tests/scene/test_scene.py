@@ -34,9 +34,7 @@ kinds = st.one_of(
     st.builds(SphereShape, radius=lengths).map(lambda kind: {"sphere": kind}),
     st.builds(BoxShape, size=st.tuples(lengths, lengths, lengths)).map(lambda kind: {"box": kind}),
     st.builds(CylinderShape, radius=lengths, height=lengths).map(lambda kind: {"cylinder": kind}),
-    st.builds(ConeShape, height=lengths, bottom_radius=lengths, top_radius=lengths).map(
-        lambda kind: {"cone": kind}
-    ),
+    st.builds(ConeShape, height=lengths, bottom_radius=lengths, top_radius=lengths).map(lambda kind: {"cone": kind}),
     st.builds(TorusShape, major_radius=lengths, minor_radius=lengths).map(lambda kind: {"torus": kind}),
     st.builds(MeshShape, file=names, fit=st.none() | lengths, up=st.sampled_from([None, "y", "z"])).map(
         lambda kind: {"mesh": kind}
@@ -174,9 +172,7 @@ def test_no_particle_left_is_an_error():
 )
 def test_a_block_outside_the_container_is_an_error_that_names_block_and_axis(low, high, axis):
     made = scene(
-        "fluid:\n"
-        "- block: {min: [-0.1, -0.1, 0.1], max: [0.1, 0.1, 0.3]}\n"
-        f"- block: {{min: {low}, max: {high}}}\n"
+        f"fluid:\n- block: {{min: [-0.1, -0.1, 0.1], max: [0.1, 0.1, 0.3]}}\n- block: {{min: {low}, max: {high}}}\n"
     )
     with pytest.raises(InputError, match=f"block 1 reaches .* along {axis}, outside the container") as error:
         made.start(None)
@@ -185,8 +181,7 @@ def test_a_block_outside_the_container_is_an_error_that_names_block_and_axis(low
 
 def test_a_block_that_fills_the_container_is_inside_it():
     full = scene(
-        "container: {size: [0.3, 0.3, 0.3]}\n"
-        "fluid: [{block: {min: [-0.15, -0.15, 0], max: [0.15, 0.15, 0.3]}}]"
+        "container: {size: [0.3, 0.3, 0.3]}\nfluid: [{block: {min: [-0.15, -0.15, 0], max: [0.15, 0.15, 0.3]}}]"
     )
     assert len(full.start(None).positions) == 9**3
 

@@ -36,9 +36,7 @@ def test_every_kind_is_the_surface_of_that_name(text, by_hand):
 
 
 def test_a_shape_is_scaled_then_turned_then_moved():
-    shape = built(
-        "{box: {size: [0.2, 0.4, 0.6]}, scale: 2, rotate: {axis: [0, 0, 3], degrees: 90}, at: [0, 0, 1]}"
-    )
+    shape = built("{box: {size: [0.2, 0.4, 0.6]}, scale: 2, rotate: {axis: [0, 0, 3], degrees: 90}, at: [0, 0, 1]}")
     # Twice as large, its long side y turned into x, then lifted.
     on_surface = torch.tensor([[0.4, 0.0, 1.0], [0.0, 0.2, 1.0], [0.0, 0.0, 1.6]])
     torch.testing.assert_close(shape.distance(on_surface), torch.zeros(3), atol=1e-6, rtol=0)
@@ -86,7 +84,5 @@ def test_a_full_turn_is_none():
     once, often = (
         built(f"{{box: {{size: [1, 2, 3]}}, rotate: {{axis: [0, 1, 0], degrees: {a}}}}}") for a in (90, angle)
     )
-    assert math.isclose(
-        float(once.distance(torch.ones(1, 3))), float(often.distance(torch.ones(1, 3))), abs_tol=1e-5
-    )
+    assert math.isclose(float(once.distance(torch.ones(1, 3))), float(often.distance(torch.ones(1, 3))), abs_tol=1e-5)
     assert_same_distance(once, often)

@@ -137,9 +137,7 @@ def simulate_one(recipe: str, seed: int, index: int, path: Path) -> None:
         reasons.append(reason)
         path.with_suffix(".set-aside.txt").write_text("\n".join(reasons) + "\n")
     partial.unlink()
-    raise solver.SolverError(
-        f"{path}: {ATTEMPTS} scenes in a row were set aside, the last because {reasons[-1]}"
-    )
+    raise solver.SolverError(f"{path}: {ATTEMPTS} scenes in a row were set aside, the last because {reasons[-1]}")
 
 
 def what_is_wrong(path: Path) -> str | None:

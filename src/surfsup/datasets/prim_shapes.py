@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation as ScipyRotation
 
 from surfsup.scene import SPACING, Block, Container, Fluid, Scene, Shape
 from surfsup.scene.shapes import BoxShape, ConeShape, CylinderShape, Rotation, SphereShape, TorusShape
-from surfsup.sdf import to_mesh
+from surfsup.sdf import polygonise
 
 BLOCK_SIDE = (0.4, 0.5)
 FALL_GAP = (0.05, 0.65)
@@ -60,7 +60,7 @@ def scene(index: int, random: Random) -> Scene:
     degrees = float(np.linalg.norm(turn))
     rotation = Rotation(axis=tuple(turn / degrees), degrees=degrees)
 
-    lower, upper = to_mesh(Shape(**kind, rotate=rotation).surface(), EXTENT_RESOLUTION).bounds
+    lower, upper = polygonise(Shape(**kind, rotate=rotation).surface(), EXTENT_RESOLUTION).bounds
     place = [random.uniform(*room(lower[axis], upper[axis], container.size[axis])) for axis in (0, 1)]
     shape = Shape(**kind, rotate=rotation, at=(*place, -float(lower[2])))
 

@@ -64,9 +64,7 @@ def guard(before: Tensor, positions: Tensor, velocities: Tensor, around: Surroun
     return Guarded(positions, velocities, moved)
 
 
-def into_container(
-    positions: Tensor, velocities: Tensor, around: Surroundings
-) -> tuple[Tensor, Tensor, Tensor]:
+def into_container(positions: Tensor, velocities: Tensor, around: Surroundings) -> tuple[Tensor, Tensor, Tensor]:
     """Positions (N, 3) inside the walls, velocities (N, 3) that do not point out, which (N,) were moved."""
     lower, upper = around.lower + WALL_CLEARANCE, around.upper - WALL_CLEARANCE
     inside = torch.minimum(torch.maximum(positions, lower), upper)

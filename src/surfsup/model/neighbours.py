@@ -9,6 +9,8 @@ import torch
 from scipy.spatial import cKDTree
 from torch import Tensor
 
+from surfsup.errors import SimulationError
+
 
 @dataclass(frozen=True)
 class Neighbourhood:
@@ -30,9 +32,15 @@ def neighbourhood(positions: Tensor, radius: float) -> Neighbourhood:
 
     The search runs on the CPU (scipy's k-d tree, unbalanced, which is the fastest to build: measured), the
     result lies on the device of ``positions``.
+
+    Raises:
+        SimulationError: a position is not finite.
     """
     count = len(positions)
-    tree = cKDTree(positions.detach().cpu().numpy(), balanced_tree=False, compact_nodes=False)
+    points = positions.detach().cpu().numpy()
+    if not np.isfinite(points).all():
+        raise SimulationError("the simulation blew up: a particle's position is not a finite number")
+    tree = cKDTree(points, balanced_tree=False, compact_nodes=False)
     pairs = tree.query_pairs(radius, output_type="ndarray")
     receivers = np.concatenate([pairs[:, 0], pairs[:, 1]])
     senders = np.concatenate([pairs[:, 1], pairs[:, 0]])

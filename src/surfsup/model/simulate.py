@@ -46,9 +46,12 @@ def choose_device(name: str | None) -> str:
     """
     if name is None:
         return "cuda" if torch.cuda.is_available() else "cpu"
+    kind = name.partition(":")[0]
+    if kind not in ("cpu", "cuda"):
+        raise InputError(f"there is no device '{name}'; give cpu or cuda")
     try:
         torch.empty(1, device=name)
     except (RuntimeError, AssertionError) as error:
         reason = str(error).strip().splitlines()[0]
-        raise InputError(f"--device {name}: cannot be used here ({reason}); try --device cpu") from None
+        raise InputError(f"the device '{name}' cannot be used here ({reason}); try --device cpu") from None
     return name

@@ -15,7 +15,7 @@ from torch import Tensor
 from surfsup.errors import InputError
 from surfsup.model.simulator import Architecture, Simulator
 
-FORMAT = "surfsup-simulator-1"
+FORMAT = "surfsup-simulator-2"
 DEFAULT_MODEL = "first"
 
 
@@ -114,6 +114,4 @@ def find(model: str) -> Path:
     path = Path(model)
     if path.is_file():
         return path
-    raise InputError(
-        f"there is no model '{model}'; shipped are {', '.join(models)}, or give a .safetensors file"
-    )
+    raise InputError(f"there is no model '{model}'; shipped are {', '.join(models)}, or give a .safetensors file")

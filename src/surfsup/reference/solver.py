@@ -14,10 +14,10 @@ from pathlib import Path
 
 import numpy as np
 
-from surfsup.errors import InputError
+from surfsup.errors import InputError, SimulationError
 from surfsup.reference.job import PARTICLE_RADIUS, STEPS_PER_FRAME, write_job
 from surfsup.scene import Scene, Start
-from surfsup.sdf import Surface, to_mesh
+from surfsup.sdf import Surface, polygonise
 
 NAME = "SPlisHSPlasH 2.19 DFSPH"
 SURFACE_MESH_RESOLUTION = 96
@@ -26,7 +26,7 @@ CONTAINER_MAPS = "container*"
 INPUT_ERROR = f"{InputError.__module__}.{InputError.__name__}: "  # as it ends a traceback
 
 
-class SolverError(RuntimeError):
+class SolverError(SimulationError):
     """The reference solver stopped before it was done; the message is one line."""
 
 
@@ -58,21 +58,17 @@ def simulate(
     """
     folder = folder or map_cache()
     folder.mkdir(parents=True, exist_ok=True)
-    solid = None if surface is None else to_mesh(surface, SURFACE_MESH_RESOLUTION)
+    solid = None if surface is None else polygonise(surface, SURFACE_MESH_RESOLUTION)
     # The solver writes its maps in place. So every job has a folder of its own, and what others may read
     # is put into the shared cache whole: no job at work beside it and no killed one can spoil the cache.
     with tempfile.TemporaryDirectory(prefix="job-", dir=folder) as scratch:
         job = Path(scratch)
         take_container_maps(folder / MAPS, job / MAPS)
-        scene_file = write_job(
-            job, scene.container.size, scene.gravity, start.blocks, start.velocities, solid
-        )
+        scene_file = write_job(job, scene.container.size, scene.gravity, start.blocks, start.velocities, solid)
         frames = run_child(scene_file, scene.frames, len(start.positions), threads, job / "log")
         with contextlib.closing(frames):
             for number, frame in enumerate(frames):
-                if (
-                    number == 1
-                ):  # the solver makes its maps before the first step, but after it has given frame 0
+                if number == 1:  # the solver makes its maps before the first step, but after it has given frame 0
                     give_container_maps(job / MAPS, folder / MAPS)
                 yield frame
 

@@ -106,11 +106,7 @@ def check_fits(path: Path, lower: np.ndarray, upper: np.ndarray, container: Cont
     """
     size = " x ".join(f"{side:.4g}" for side in upper - lower)
     room = " x ".join(f"{side:.4g}" for side in container.size)
-    remedy = (
-        "give a smaller --fit or a larger --container"
-        if fitted
-        else "leave out --no-fit, so that it is scaled"
-    )
+    remedy = "give a smaller --fit or a larger --container" if fitted else "leave out --no-fit, so that it is scaled"
     if (upper - lower > np.asarray(container.size) + 1e-6).any():
         raise InputError(f"{path}: is {size} m, larger than the container of {room} m; {remedy}")
     if (upper - lower).max() < 4 * PARTICLE_RADIUS:

@@ -130,8 +130,7 @@ class Scene(Description):
                 placed = np.concatenate([placed, positions[free]])
         if not blocks:
             raise InputError(
-                f"fluid: all {left_out} particles lie in the solid; "
-                "move the block or make the surface smaller"
+                f"fluid: all {left_out} particles lie in the solid; move the block or make the surface smaller"
             )
         return Start(blocks, velocities, left_out)
 
