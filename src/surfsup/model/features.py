@@ -5,7 +5,6 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
-from surfsup.model.convolution import Graph, KernelSums
 from surfsup.model.state import FRAME_TIME, State, Surroundings, free_fall_lag
 
 # Metres beyond which a solid is not felt: six particle radii, the supplement's near-surface threshold.
@@ -13,7 +12,7 @@ REACH = 0.09
 DISPLACEMENT_SCALE = 3e-4  # metres: the spread of one frame's correction to ballistic motion (measured)
 VELOCITY_SCALE = 1.0  # m/s
 
-FEATURES = 55
+FEATURES = 21
 
 
 def lag(state: State, gravity: Tensor) -> Tensor:
@@ -24,13 +23,8 @@ def lag(state: State, gravity: Tensor) -> Tensor:
     return (FRAME_TIME * state.velocities - state.displacement - free_fall_lag(gravity)) / DISPLACEMENT_SCALE
 
 
-def node_features(
-    state: State, ahead: Tensor, distance: Tensor, normal: Tensor, around: Surroundings, graph: Graph
-) -> Tensor:
-    """The features (N, 55) of every particle.
-
-    No velocity is told as it is, only against neighbours, the solid and the walls: so what happens inside the fluid does
-    not depend on how fast all of it moves, and a free fall stays one.
+def node_features(state: State, ahead: Tensor, distance: Tensor, normal: Tensor, around: Surroundings) -> Tensor:
+    """The features (N, 21) of every particle.
 
     Args:
         state: the fluid now.
@@ -38,31 +32,25 @@ def node_features(
         distance: (N,) signed distance of ``ahead`` to the solid, metres.
         normal: (N, 3) the solid's normal there.
         around: container and gravity.
-        graph: the neighbours at ``ahead``.
 
-    The columns: lag (3), change of velocity beyond gravity (3), nearness to the solid (1), its normal times that (3),
-    speed into the solid times that (1), nearness to the six walls (6), speed away from each times that (6), kernel sums of
-    the neighbours' velocity against the particle's own (24), kernel sums of one (8), which tell density and its slope.
+    The columns: velocity (3), lag (3), change of velocity beyond gravity (3), nearness to the solid (1), its
+    normal times that (3), speed into the solid times that (1), nearness to the six walls (6), a constant (1),
+    from which the network counts neighbours.
     """
     pushed = FRAME_TIME * (state.velocity_change - FRAME_TIME * around.gravity) / DISPLACEMENT_SCALE
     near_solid = nearness(distance)[:, None]
-    from_solid = (state.velocities * normal).sum(dim=-1, keepdim=True)
-    walls = nearness(torch.cat([ahead - around.lower, around.upper - ahead], dim=-1))
-    from_walls = torch.cat([state.velocities, -state.velocities], dim=-1)
-    ones = torch.ones_like(near_solid)
-    sums = KernelSums.apply(torch.cat([state.velocities, ones], dim=-1), graph.kernels, graph)
-    against = sums[:, :, :3] - sums[:, :, 3:] * state.velocities[:, None]
+    into_solid = (state.velocities * normal).sum(dim=-1, keepdim=True)
+    walls = torch.cat([ahead - around.lower, around.upper - ahead], dim=-1)
     return torch.cat(
         [
+            state.velocities / VELOCITY_SCALE,
             soft_limit(lag(state, around.gravity)),
             soft_limit(pushed),
             near_solid,
             near_solid * normal,
-            near_solid * from_solid / VELOCITY_SCALE,
-            walls,
-            walls * from_walls / VELOCITY_SCALE,
-            soft_limit(against.flatten(1) * (FRAME_TIME / DISPLACEMENT_SCALE)),
-            sums[:, :, 3],
+            near_solid * into_solid / VELOCITY_SCALE,
+            nearness(walls),
+            torch.ones_like(near_solid),
         ],
         dim=-1,
     )

@@ -41,7 +41,7 @@ class Observation:
         state: the fluid now.
         ahead: (N, 3) where ballistic motion would take it, metres.
         gravity: (3,) or (N, 3), m/s².
-        features: (N, 55).
+        features: (N, 21).
         graph: neighbours at ``ahead``.
     """
 
@@ -77,9 +77,9 @@ class Simulator(nn.Module):
         """See ``state``: advance it ballistically, find neighbours and distances there."""
         ahead = state.positions + FRAME_TIME * state.velocities + free_fall_drop(around.gravity)
         distance, normal = around.distance_and_normal(ahead)
-        seen = graph(ahead, neighbourhood(ahead, self.architecture.radius), self.architecture.radius)
-        features = node_features(state, ahead, distance, normal, around, seen)
-        return Observation(state, ahead, around.gravity, features, seen)
+        near = neighbourhood(ahead, self.architecture.radius)
+        features = node_features(state, ahead, distance, normal, around)
+        return Observation(state, ahead, around.gravity, features, graph(ahead, near, self.architecture.radius))
 
     def correct(self, seen: Observation) -> Correction:
         """The network's correction to ballistic motion.
