@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
     from surfsup.output import OutputFolder, Summary
     from surfsup.scene import Scene, Start
+    from surfsup.training.train import Progress
 
 app = typer.Typer(
     name="surfsup",
@@ -68,9 +69,7 @@ def simulate(
     model: Model = None,
     device: Device = None,
     seed: Seed = 0,
-    no_guard: Annotated[
-        bool, typer.Option("--no-guard", help="Let the network's own penetration show.")
-    ] = False,
+    no_guard: Annotated[bool, typer.Option("--no-guard", help="Let the network's own penetration show.")] = False,
     no_page: NoPage = False,
     no_video: NoVideo = False,
 ) -> None:
@@ -206,22 +205,21 @@ def evaluate(
     model: Annotated[str, typer.Argument(help="A shipped model's name or a .safetensors file.")],
     data: Annotated[Path, typer.Argument(metavar="DIR", help="Folder of held-out trajectories.")],
     out: Annotated[Path, typer.Option("-o", "--out", help="Folder of the report.")],
-    no_guard: Annotated[
-        bool, typer.Option("--no-guard", help="Judge the network without the guard.")
-    ] = False,
+    no_guard: Annotated[bool, typer.Option("--no-guard", help="Judge the network without the guard.")] = False,
 ) -> None:
     """Judge a model on held-out trajectories of the reference solver.
 
     Example: surfsup evaluate first data/test -o out/report
     """
     from surfsup.evaluation.report import evaluate as judge
-    from surfsup.evaluation.report import table, write_report
+    from surfsup.evaluation.report import report_folder, table, trajectories_in, write_report
     from surfsup.model import weights
 
     simulator, card = weights.load(weights.find(model))
-    out.mkdir(parents=True, exist_ok=True)
+    trajectories = trajectories_in(data)
+    report_folder(out)
     with bar(f"judging '{card.name}'") as tell:
-        scored = judge(simulator, data, not no_guard, tell)
+        scored = judge(simulator, trajectories, not no_guard, tell)
     write_report(out / "report.json", card.name, data, scored)
     typer.echo(table(scored))
     typer.echo(f"written to {out / 'report.json'}")
@@ -294,9 +292,7 @@ def read_scene(
     if source.suffix.lower() in (".yaml", ".yml"):
         placed = up or turn or at or block_min or block_max or container
         if placed:
-            raise InputError(
-                f"{source}: a scene file places everything itself; change it there, not by options"
-            )
+            raise InputError(f"{source}: a scene file places everything itself; change it there, not by options")
         scene = Scene.load(source)
         return scene if frames is None else scene.with_frames(frames)
     if (block_min is None) != (block_max is None):
@@ -344,50 +340,46 @@ def show(folder: OutputFolder, summary: Summary, left_out: int, no_page: bool, n
 
 @contextmanager
 def bar(what: str) -> Iterator[Callable[[int, int], None]]:
-    """A progress bar on standard error that says what is done and how long it still takes."""
+    """A progress bar on standard error, from the first thing done on, that says how long it still takes."""
+    from rich import progress as rich
     from rich.console import Console
-    from rich.progress import (
-        BarColumn,
-        MofNCompleteColumn,
-        Progress,
-        TextColumn,
-        TimeElapsedColumn,
-        TimeRemainingColumn,
-    )
 
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeElapsedColumn(),
-        TimeRemainingColumn(),
-    )
-    with Progress(*columns, console=Console(stderr=True)) as progress:
-        task = progress.add_task(what, total=None)
-        yield lambda done, total: progress.update(task, completed=done, total=total)
+    columns = (rich.BarColumn(), rich.MofNCompleteColumn(), rich.TimeElapsedColumn(), rich.TimeRemainingColumn())
+    progress = rich.Progress(rich.TextColumn("{task.description}"), *columns, console=Console(stderr=True))
+
+    def tell(done: int, total: int) -> None:
+        if not progress.task_ids:
+            progress.add_task(what)
+            progress.start()
+        progress.update(progress.task_ids[0], completed=done, total=total)
+
+    try:
+        yield tell
+    finally:
+        progress.stop()
 
 
 @contextmanager
-def training_line() -> Iterator[Callable[[object], None]]:
+def training_line() -> Iterator[Callable[[Progress], None]]:
     """A live line of a training run; the scores of rollouts stay on the screen."""
+    from rich import progress as rich
     from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-    with Progress(
-        TextColumn("loss {task.fields[loss]:.4f}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeRemainingColumn(),
-        console=Console(stderr=True),
-    ) as progress:
-        task = progress.add_task("", total=None, loss=float("nan"))
+    columns = (rich.BarColumn(), rich.MofNCompleteColumn(), rich.TimeElapsedColumn(), rich.TimeRemainingColumn())
+    line = rich.Progress(rich.TextColumn("loss {task.fields[loss]:.4f}"), *columns, console=Console(stderr=True))
 
-        def tell(now: object) -> None:
-            progress.update(task, completed=now.step, total=now.steps, loss=now.loss)
-            if now.scores is not None:
-                progress.console.print(f"step {now.step}: {now.scores}", highlight=False)
+    def tell(now: Progress) -> None:
+        if not line.task_ids:
+            line.add_task("", loss=now.loss)
+            line.start()
+        line.update(line.task_ids[0], completed=now.step, total=now.steps, loss=now.loss)
+        if now.scores is not None:
+            line.console.print(f"step {now.step}: {now.scores}", highlight=False)
 
+    try:
         yield tell
+    finally:
+        line.stop()
 
 
 @app.callback(invoke_without_command=True)

@@ -49,9 +49,7 @@ def torch_build() -> Finding:
     has_card = os.path.exists("/dev/nvidiactl")
     found = f"{torch.__version__}, computes on the CPU with {torch.get_num_threads()} threads"
     if has_card:
-        return Finding(
-            "torch", False, f"{found}, though there is an NVIDIA GPU", "see 'GPU' in docs/install.md"
-        )
+        return Finding("torch", False, f"{found}, though there is an NVIDIA GPU", "see 'GPU' in docs/install.md")
     return Finding("torch", True, found)
 
 
@@ -79,9 +77,7 @@ def pictures() -> Finding:
 
     missing = missing_packages()
     if missing:
-        return Finding(
-            "pictures", False, "graphics libraries missing", f"apt-get install {' '.join(missing)}"
-        )
+        return Finding("pictures", False, "graphics libraries missing", f"apt-get install {' '.join(missing)}")
     return Finding("pictures", True, f"pyvista {version('pyvista')} draws off-screen by EGL")
 
 
@@ -100,6 +96,4 @@ def reference_solver() -> Finding:
 def disk() -> Finding:
     """Room for trajectories in the current folder."""
     free = shutil.disk_usage(".").free / 1e9
-    return Finding(
-        "disk", free > 1, f"{free:.0f} GB free here; 800 frames of 2,700 particles take about 40 MB"
-    )
+    return Finding("disk", free > 1, f"{free:.0f} GB free here; 800 frames of 2,700 particles take about 40 MB")

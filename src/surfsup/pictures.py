@@ -76,6 +76,4 @@ def write_picture_of(trajectory: Path, picture: Path, frame: int) -> Path:
 
 def renderer_of(frames: Trajectory) -> FrameRenderer:
     """A renderer whose camera sees the solid and where the water starts."""
-    return FrameRenderer(
-        solid_of(frames.scene), frames.scene.container.size, PARTICLE_RADIUS, frames.positions[0]
-    )
+    return FrameRenderer(solid_of(frames.scene), frames.scene.container.size, PARTICLE_RADIUS, frames.positions[0])

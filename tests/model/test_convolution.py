@@ -1,7 +1,7 @@
 import pytest
 import torch
 
-from surfsup.model.convolution import KERNELS, PARITY, Gather, Graph, graph, join
+from surfsup.model.convolution import CLOSE, KERNELS, PARITY, Gather, Graph, KernelSums, graph, join
 from surfsup.model.neighbours import Neighbourhood, neighbourhood
 
 RADIUS = 0.4
@@ -35,9 +35,10 @@ def test_kernels_vanish_at_the_radius_and_beyond(distance):
 
 def test_kernels_are_the_two_windows_alone_and_times_the_direction():
     kernels = two_particles([0, 0, RADIUS / 2]).kernels
-    near, far = 0.5 * 0.5**2, 2 * 0.5**2 * 0.5
-    torch.testing.assert_close(kernels[0], kernels.new_tensor([near, far, 0, 0, near, 0, 0, far]))
-    torch.testing.assert_close(kernels[1], kernels.new_tensor([near, far, 0, 0, -near, 0, 0, -far]))
+    wide, close = 1 - 0.5, 1 - 0.5 / CLOSE
+    expected = [wide**2, close**2, 0, 0, wide, 0, 0, close]
+    torch.testing.assert_close(kernels[0], kernels.new_tensor(expected))
+    torch.testing.assert_close(kernels[1], kernels.new_tensor(expected) * kernels.new_tensor(PARITY))
 
 
 def test_an_edge_and_its_reverse_differ_by_the_parity_of_the_kernels():
@@ -107,3 +108,25 @@ def test_joined_graphs_are_the_separate_ones_side_by_side():
 def test_one_graph_joined_is_itself():
     _, seen = some_graph(5)
     assert join([seen]) is seen
+
+
+@pytest.mark.parametrize("count", [1, 2, 40])
+def test_kernel_sums_are_the_sums_over_neighbours_of_each_kernel_apart(count):
+    _, seen = some_graph(count)
+    near = seen.neighbourhood
+    values = torch.randn(count, 4, dtype=torch.float64)
+    sent = seen.kernels[:, :, None] * values[near.senders][:, None]
+    expected = torch.zeros(count, KERNELS, 4, dtype=torch.float64).index_add(0, near.receivers, sent)
+    torch.testing.assert_close(KernelSums.apply(values, seen.kernels, seen), expected)
+
+
+def test_kernel_sums_have_the_gradients_of_finite_differences():
+    positions, _ = some_graph(12)
+    near = neighbourhood(positions, RADIUS)
+
+    def sums(places, values):
+        seen = graph(places, near, RADIUS)
+        return KernelSums.apply(values, seen.kernels, seen)
+
+    values = torch.randn(12, 3, dtype=torch.float64, requires_grad=True)
+    assert torch.autograd.gradcheck(sums, (positions.requires_grad_(), values))

@@ -1,9 +1,12 @@
+import math
 import types
 
 import pytest
 import torch
 
-from surfsup.model.features import FEATURES, lag, nearness, node_features
+from surfsup.model.convolution import graph
+from surfsup.model.features import ACTIONS, SURROUNDINGS, lag, nearness, observe_features
+from surfsup.model.neighbours import neighbourhood
 from surfsup.model.simulator import Architecture, Simulator, join_observations
 from surfsup.model.state import SOLVER_STEPS, STEP_TIME, State, Surroundings
 from surfsup.sdf import Sphere, Transformed
@@ -191,21 +194,51 @@ def test_the_gradient_in_a_shape_parameter_is_that_of_finite_differences():
     torch.testing.assert_close(gradient, rise / (2 * step), rtol=1e-4, atol=1e-6)
 
 
-def test_features_are_the_documented_columns():
-    surface = Sphere(0.3)
+def test_what_acts_and_how_neighbours_lie_are_the_documented_columns():
     state = State(
         torch.tensor([[0.0, 0.0, 0.35]]),
         torch.tensor([[1.0, 2.0, -3.0]]),
         torch.tensor([[0.005, 0.01, -0.015]]),
         torch.tensor([[0.0, 0.0, 0.0]]),
     )
-    surroundings = around(surface, gravity=torch.zeros(3))
+    surroundings = around(Sphere(0.3), gravity=torch.zeros(3))
     ahead = state.positions
-    features = node_features(state, ahead, *surroundings.distance_and_normal(ahead), surroundings)
-    assert features.shape == (1, FEATURES)
+    seen = graph(ahead, neighbourhood(ahead, 0.061), 0.061)
+    acts, lie = observe_features(state, ahead, *surroundings.distance_and_normal(ahead), surroundings, seen)
+    assert (acts.shape, lie.shape) == ((1, ACTIONS), (1, SURROUNDINGS))
     near = 1 - 0.05 / 0.09
-    expected = [1, 2, -3, 0, 0, 0, 0, 0, 0, near, 0, 0, near, -3 * near, 0, 0, 0, 0, 0, 0, 1]
-    torch.testing.assert_close(features[0], torch.tensor(expected), atol=1e-4, rtol=0)
+    expected = torch.zeros(ACTIONS)
+    expected[6:11] = torch.tensor([near, 0, 0, near, -3 * near])
+    torch.testing.assert_close(acts[0], expected, atol=1e-4, rtol=0)
+    assert not lie.any()
+
+
+def test_neighbours_are_felt_by_their_velocity_against_the_particle_s_own():
+    positions = torch.tensor([[0.0, 0.0, 1.0], [0.0305, 0.0, 1.0]])
+    seen = graph(positions, neighbourhood(positions, 0.061), 0.061)
+
+    def felt(drift):
+        velocities = torch.tensor([[0.0, 0.0, 0.0], [0.06, 0.0, 0.0]]) + torch.tensor(drift)
+        state = State.in_free_fall(positions, velocities, GRAVITY)
+        return observe_features(state, positions, *around().distance_and_normal(positions), around(), seen)
+
+    acts, lie = felt([0.0, 0.0, 0.0])
+    assert acts[0, 23] == pytest.approx(math.asinh(0.25), abs=1e-4)  # the wide window at half the radius, 0.06 m/s
+    assert acts[1, 23] == pytest.approx(-math.asinh(0.25), abs=1e-4)
+    assert lie[0, 0] == pytest.approx(0.25)
+    torch.testing.assert_close(felt([5.0, -3.0, 2.0])[0], acts, atol=1e-4, rtol=0)
+
+
+def test_any_network_leaves_a_free_fall_alone():
+    positions = torch.cartesian_prod(*[torch.arange(5) * 0.03] * 3).double() + torch.tensor([0.0, 0.0, 1.0])
+    velocities = torch.tensor([0.5, -0.2, -2.0], dtype=torch.float64).expand_as(positions)
+    state = State.in_free_fall(positions, velocities, GRAVITY.double())
+    simulator, surroundings = model(dtype=torch.float64), around(dtype=torch.float64)
+    for _ in range(10):
+        state, _ = simulator.step(state, surroundings)
+        positions, velocities = solver_step(positions, velocities)
+    torch.testing.assert_close(state.positions, positions, atol=1e-9, rtol=0)
+    torch.testing.assert_close(state.velocities, velocities, atol=1e-7, rtol=0)
 
 
 def test_nearness_is_one_at_contact_and_nothing_out_of_reach():

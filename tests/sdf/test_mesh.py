@@ -112,9 +112,7 @@ def test_the_gradient_in_the_points_is_that_of_finite_differences(exact):
 
 
 def test_the_gradient_is_the_normal_and_finite_everywhere(torus):
-    points = torch.cat(
-        [points_around(TORUS, count=300), torch.zeros(1, 3), torch.as_tensor(TORUS_MESH.vertices[:9])]
-    )
+    points = torch.cat([points_around(TORUS, count=300), torch.zeros(1, 3), torch.as_tensor(TORUS_MESH.vertices[:9])])
     points.requires_grad_()
     distance, normal = torus.distance_and_normal(points)
     (gradient,) = torch.autograd.grad(distance.sum(), points)
@@ -152,9 +150,7 @@ def test_it_can_be_placed_and_combined(torus):
     moved = Transformed(torus, translation=(0.0, 0.0, 0.5), scale=2.0)
     both = Union(moved, CappedCone(0.3, 0.2))
     points = points_around(both, count=500)
-    true = Union(Transformed(TORUS, translation=(0, 0, 0.5), scale=2.0), CappedCone(0.3, 0.2)).distance(
-        points
-    )
+    true = Union(Transformed(TORUS, translation=(0, 0, 0.5), scale=2.0), CappedCone(0.3, 0.2)).distance(points)
     assert (both.distance(points) - true).abs().max() < 5e-3
     distance, normal = both.distance_and_normal(points.requires_grad_())
     assert torch.isfinite(distance).all()

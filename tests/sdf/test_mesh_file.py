@@ -194,9 +194,7 @@ def test_what_has_no_inside_or_cannot_be_read_is_refused(tmp_path, name, content
 
 def test_a_truncated_file_never_becomes_another_error(tmp_path):
     for ending in ("obj", "stl", "ply", "off", "glb"):
-        whole = (
-            trimesh.Scene(BALL).export(file_type="glb") if ending == "glb" else BALL.export(file_type=ending)
-        )
+        whole = trimesh.Scene(BALL).export(file_type="glb") if ending == "glb" else BALL.export(file_type=ending)
         whole = whole.encode() if isinstance(whole, str) else whole
         for cut in np.linspace(1, len(whole) - 1, 12).astype(int):
             with warnings.catch_warnings():

@@ -43,9 +43,7 @@ def test_the_mesh_is_closed_faces_outward_and_lies_on_the_surface(name):
 
 @pytest.mark.parametrize(("kind", "parameters"), [SHAPES["sphere-small"], SHAPES["torus-fat"]])
 def test_the_volume_is_that_of_the_solid(kind, parameters):
-    assert polygonise(kind(**parameters), 64).volume == pytest.approx(
-        fine_mesh(kind, parameters).volume, rel=5e-3
-    )
+    assert polygonise(kind(**parameters), 64).volume == pytest.approx(fine_mesh(kind, parameters).volume, rel=5e-3)
 
 
 def test_more_resolution_is_more_triangles():

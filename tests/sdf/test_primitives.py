@@ -79,9 +79,7 @@ def test_normals_can_be_differentiated_too(shape):
     kind, parameters = shape
     surface = kind(**doubles(parameters))
     points = points_around(surface, count=20, seed=5).requires_grad_()
-    assert torch.autograd.gradcheck(
-        lambda p: surface.distance_and_normal(p)[1], (points,), eps=1e-7, atol=1e-5
-    )
+    assert torch.autograd.gradcheck(lambda p: surface.distance_and_normal(p)[1], (points,), eps=1e-7, atol=1e-5)
 
 
 SPECIAL = [
@@ -142,16 +140,12 @@ def test_a_sphere_is_its_radius_from_its_centre(radius, direction, metres):
 
 @given(size=st.tuples(*[st.floats(0.4, 0.7)] * 3), beyond=st.tuples(*[st.floats(0, 1)] * 3))
 def test_a_box_is_as_far_as_its_corner_from_points_beyond_it(size, beyond):
-    point = torch.tensor(
-        [[side / 2 + more for side, more in zip(size, beyond, strict=True)]], dtype=torch.float64
-    )
+    point = torch.tensor([[side / 2 + more for side, more in zip(size, beyond, strict=True)]], dtype=torch.float64)
     assert float(Box(size).distance(point)) == pytest.approx(math.hypot(*beyond), abs=1e-6)
 
 
 @pytest.mark.parametrize("wrong", [0, -0.3, math.nan, math.inf, (0.1, 0.2), "wide", None])
-@pytest.mark.parametrize(
-    ("kind", "parameters"), [SHAPES[name] for name in SHAPES if "fat" in name or "box" in name]
-)
+@pytest.mark.parametrize(("kind", "parameters"), [SHAPES[name] for name in SHAPES if "fat" in name or "box" in name])
 def test_a_size_that_is_no_positive_number_is_named(kind, parameters, wrong):
     for name in parameters:
         with pytest.raises(InputError, match=name) as error:

@@ -6,7 +6,7 @@ import torch
 from surfsup.model.features import DISPLACEMENT_SCALE
 from surfsup.model.simulator import Architecture, Correction, Simulator
 from surfsup.model.state import FRAME_TIME, State, Surroundings
-from surfsup.training.loss import ENERGY_CELL, energy_loss, motion_loss, wanted_correction
+from surfsup.training.loss import ENERGY_CELL, RETURN, energy_loss, motion_loss, wanted_correction
 
 AROUND = Surroundings(
     None, torch.tensor([-0.5, -0.5, 0.0]), torch.tensor([0.5, 0.5, 2.0]), torch.tensor([0.0, 0.0, -9.81])
@@ -24,7 +24,7 @@ def test_the_wanted_correction_leads_to_the_truth_and_costs_nothing():
     seen = seen_by(simulator)
     positions = seen.ahead + 1e-3 * torch.randn(20, 3)
     velocities = seen.state.velocities + torch.randn(20, 3)
-    wanted = wanted_correction(seen, positions, velocities)
+    wanted = wanted_correction(seen, seen.state.positions, positions, velocities)
     reached = simulator.advance(seen, wanted)
     torch.testing.assert_close(reached[0], positions, atol=1e-6, rtol=0)
     torch.testing.assert_close(reached[1], velocities, atol=1e-5, rtol=0)
@@ -33,9 +33,28 @@ def test_the_wanted_correction_leads_to_the_truth_and_costs_nothing():
 
 def test_in_free_fall_nothing_is_wanted():
     seen = seen_by(Simulator(Architecture(width=4, layers=1)))
-    wanted = wanted_correction(seen, seen.ahead, seen.state.velocities + FRAME_TIME * AROUND.gravity)
+    wanted = wanted_correction(
+        seen, seen.state.positions, seen.ahead, seen.state.velocities + FRAME_TIME * AROUND.gravity
+    )
     assert wanted.velocity.abs().max() < 1e-4
     assert (wanted.position == 0).all()
+
+
+def test_a_state_that_strayed_is_asked_back_by_a_part_only():
+    seen = seen_by(Simulator(Architecture(width=4, layers=1)))
+    strayed = 1e-3 * torch.randn(20, 3)
+    truth = seen.ahead - strayed
+    wanted = wanted_correction(seen, seen.state.positions - strayed, truth, seen.state.velocities)
+    torch.testing.assert_close(wanted.position * DISPLACEMENT_SCALE, -RETURN * strayed, atol=1e-6, rtol=0)
+
+
+def test_a_frame_cannot_look_easier_by_straying_in_the_one_before():
+    strayed = torch.randn(5, 3, requires_grad=True)
+    wanted = Correction(strayed, torch.zeros(5, 3))
+    predicted = Correction(strayed, torch.zeros(5, 3))  # follows exactly: nothing may push it either way
+    loss = motion_loss(predicted, wanted, torch.zeros(5, dtype=torch.bool))
+    (gradient,) = torch.autograd.grad(loss, strayed)
+    assert not gradient.any()
 
 
 def test_motion_loss_worked_by_hand():

@@ -173,7 +173,7 @@ def test_a_step_that_is_no_number_leaves_the_weights_alone(tmp_path, data):
     run = Run(config(), tmp_path)
     batch, random = read_batch(Windows(data), run.config, 0)
     with torch.no_grad():
-        run.model.network.decoder[-1].bias.fill_(math.inf)
+        run.model.network.decoder[-1].weight.fill_(math.inf)
     before = {name: value.clone() for name, value in run.model.state_dict().items()}
     assert math.isnan(take_step(run, batch, random))
     assert all(torch.equal(value, before[name]) for name, value in run.model.state_dict().items())

@@ -11,9 +11,7 @@ def images(count):
 
 def test_a_video_is_read_back_as_written(tmp_path):
     seen = []
-    write_video(
-        tmp_path / "new" / "v.mp4", images(10), 25, lambda done, total: seen.append((done, total)), total=10
-    )
+    write_video(tmp_path / "new" / "v.mp4", images(10), 25, lambda done, total: seen.append((done, total)), total=10)
     with av.open(str(tmp_path / "new" / "v.mp4")) as video:
         stream = video.streams.video[0]
         assert stream.codec_context.name == "h264" and stream.codec_context.pix_fmt == "yuv420p"

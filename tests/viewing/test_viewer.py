@@ -13,9 +13,7 @@ POSITIONS = np.random.default_rng(0).uniform([-0.5, -0.5, 0], [0.5, 0.5, 2], (7,
 
 def contents(page):
     header = json.loads(re.search(r'<script id="header"[^>]*>(.*?)</script>', page, re.S)[1])
-    body = gzip.decompress(
-        base64.b64decode(re.search(r'<script id="data"[^>]*>(.*?)</script>', page, re.S)[1])
-    )
+    body = gzip.decompress(base64.b64decode(re.search(r'<script id="data"[^>]*>(.*?)</script>', page, re.S)[1]))
     return header, body
 
 

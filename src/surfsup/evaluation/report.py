@@ -31,15 +31,32 @@ class SceneScores:
     spans: dict[int, Scores]
 
 
-def evaluate(model: Simulator, folder: Path, guarded: bool, tell: Callable[[int, int], None]) -> list[SceneScores]:
-    """Roll ``model`` out beside every trajectory of ``folder``.
+def trajectories_in(folder: Path) -> list[Path]:
+    """The trajectory files of ``folder``.
 
     Raises:
-        InputError: the folder has no trajectories.
+        InputError: it has none.
     """
     paths = sorted(folder.glob("*.h5"))
     if not paths:
         raise InputError(f"{folder}: has no trajectories (*.h5) to judge by; make some with 'surfsup generate'")
+    return paths
+
+
+def report_folder(path: Path) -> None:
+    """Make the folder that the report goes into.
+
+    Raises:
+        InputError: it cannot be made.
+    """
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be made ({error.strerror}); give another folder with -o") from None
+
+
+def evaluate(model: Simulator, paths: list[Path], guarded: bool, tell: Callable[[int, int], None]) -> list[SceneScores]:
+    """Roll ``model`` out beside every trajectory of ``paths``."""
     scored = []
     for done, path in enumerate(paths, start=1):
         with Trajectory(path) as truth:

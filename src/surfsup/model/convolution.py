@@ -19,6 +19,8 @@ from surfsup.model.neighbours import Neighbourhood
 
 KERNELS = 8
 # Windows are even in the displacement, windows times a direction are odd.
+CLOSE_WINDOW, CLOSE_DIRECTION = 1, slice(5, 8)
+CLOSE = 0.7  # of the radius, where the close window ends
 PARITY = (1.0, 1.0, -1.0, -1.0, -1.0, -1.0, -1.0, -1.0)
 
 
@@ -76,15 +78,19 @@ def sparse(starts: Tensor, columns: Tensor, values: Tensor, size: tuple[int, int
 
 
 def graph(positions: Tensor, neighbours: Neighbourhood, radius: float) -> Graph:
-    """The graph of ``positions`` (N, 3), with kernels differentiable in them that vanish at ``radius``."""
+    """The graph of ``positions`` (N, 3), its kernels differentiable in them; nothing reaches past ``radius``.
+
+    The wide window is felt by all neighbours and measures density; the close one only by those nearer than about
+    1.4 spacings, so that two particles too close to each other are seen at once.
+    """
     displacement = (
         positions.index_select(0, neighbours.senders) - positions.index_select(0, neighbours.receivers)
     ) / radius
     distance = torch.linalg.vector_norm(displacement, dim=-1, keepdim=True)
-    near = 0.5 * (1 - distance).clamp(min=0) ** 2
-    far = 2 * distance**2 * (1 - distance).clamp(min=0)
+    wide = (1 - distance).clamp(min=0)
+    close = (1 - distance / CLOSE).clamp(min=0)
     direction = displacement / distance.clamp(min=1e-6)
-    return Graph(neighbours, torch.cat([near, far, near * direction, far * direction], dim=-1))
+    return Graph(neighbours, torch.cat([wide**2, close**2, wide * direction, close * direction], dim=-1))
 
 
 def join(graphs: list[Graph]) -> Graph:
@@ -131,3 +137,35 @@ class Gather(torch.autograd.Function):
             received = gradient.index_select(0, near.receivers)
             to_kernels = torch.bmm(sent, received[:, :, None]).squeeze(-1)
         return to_mixed, to_kernels, None
+
+
+class KernelSums(torch.autograd.Function):
+    """The sum over neighbours for every kernel apart, not mixed: density, divergence and the like are made of these."""
+
+    @staticmethod
+    def forward(context: torch.autograd.function.FunctionCtx, values: Tensor, kernels: Tensor, graph: Graph) -> Tensor:
+        """(N, C) values of the senders -> (N, 8, C) sums of the receivers; ``kernels`` are those of ``graph``."""
+        context.save_for_backward(values)
+        context.graph = graph
+        return (graph.spreading @ values).unflatten(0, (len(graph), KERNELS)) * parity(values)
+
+    @staticmethod
+    def backward(
+        context: torch.autograd.function.FunctionCtx, gradient: Tensor
+    ) -> tuple[Tensor | None, Tensor | None, None]:
+        """Gradients in the values and, where asked for, in the kernels."""
+        graph, near = context.graph, context.graph.neighbourhood
+        to_values = to_kernels = None
+        if context.needs_input_grad[0]:
+            to_values = graph.gathering @ (gradient * parity(gradient)).flatten(0, 1)
+        if context.needs_input_grad[1]:
+            (values,) = context.saved_tensors
+            sent = values.index_select(0, near.senders)
+            received = gradient.index_select(0, near.receivers)
+            to_kernels = torch.bmm(received, sent[:, :, None]).squeeze(-1)
+        return to_values, to_kernels, None
+
+
+def parity(like: Tensor) -> Tensor:
+    """The sign (8, 1) that each kernel takes when an edge is turned around."""
+    return like.new_tensor(PARITY)[:, None]

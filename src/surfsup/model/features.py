@@ -5,14 +5,17 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
+from surfsup.model.convolution import CLOSE_DIRECTION, CLOSE_WINDOW, KERNELS, Graph, KernelSums
 from surfsup.model.state import FRAME_TIME, State, Surroundings, free_fall_lag
 
 # Metres beyond which a solid is not felt: six particle radii, the supplement's near-surface threshold.
 REACH = 0.09
 DISPLACEMENT_SCALE = 3e-4  # metres: the spread of one frame's correction to ballistic motion (measured)
 VELOCITY_SCALE = 1.0  # m/s
+CROWDED = 0.6  # sum of the close window above which neighbours are nearer than on the lattice, where it is 0.53
 
-FEATURES = 21
+ACTIONS = 51
+SURROUNDINGS = KERNELS
 
 
 def lag(state: State, gravity: Tensor) -> Tensor:
@@ -23,8 +26,13 @@ def lag(state: State, gravity: Tensor) -> Tensor:
     return (FRAME_TIME * state.velocities - state.displacement - free_fall_lag(gravity)) / DISPLACEMENT_SCALE
 
 
-def node_features(state: State, ahead: Tensor, distance: Tensor, normal: Tensor, around: Surroundings) -> Tensor:
-    """The features (N, 21) of every particle.
+def observe_features(
+    state: State, ahead: Tensor, distance: Tensor, normal: Tensor, around: Surroundings, graph: Graph
+) -> tuple[Tensor, Tensor]:
+    """What acts on every particle (N, 51), and how its neighbours lie (N, 8).
+
+    No velocity is told as it is, only against neighbours, the solid and the walls: so what happens inside the
+    fluid does not depend on how fast all of it moves. In a free fall away from everything nothing acts.
 
     Args:
         state: the fluid now.
@@ -32,28 +40,39 @@ def node_features(state: State, ahead: Tensor, distance: Tensor, normal: Tensor,
         distance: (N,) signed distance of ``ahead`` to the solid, metres.
         normal: (N, 3) the solid's normal there.
         around: container and gravity.
+        graph: the neighbours at ``ahead``.
 
-    The columns: velocity (3), lag (3), change of velocity beyond gravity (3), nearness to the solid (1), its
-    normal times that (3), speed into the solid times that (1), nearness to the six walls (6), a constant (1),
-    from which the network counts neighbours.
+    The columns of what acts: lag (3), change of velocity beyond gravity (3), nearness to the solid (1), its normal
+    times that (3), speed away from the solid times that (1), nearness to the six walls (6), speed away from each times
+    that (6), kernel sums of the neighbours' velocity against the particle's own (24), crowding (1) and its
+    direction (3). How the neighbours lie: kernel sums of one (8), that is density and its slope.
     """
     pushed = FRAME_TIME * (state.velocity_change - FRAME_TIME * around.gravity) / DISPLACEMENT_SCALE
     near_solid = nearness(distance)[:, None]
-    into_solid = (state.velocities * normal).sum(dim=-1, keepdim=True)
-    walls = torch.cat([ahead - around.lower, around.upper - ahead], dim=-1)
-    return torch.cat(
+    from_solid = (state.velocities * normal).sum(dim=-1, keepdim=True)
+    walls = nearness(torch.cat([ahead - around.lower, around.upper - ahead], dim=-1))
+    from_walls = torch.cat([state.velocities, -state.velocities], dim=-1)
+    ones = torch.ones_like(near_solid)
+    sums = KernelSums.apply(torch.cat([state.velocities, ones], dim=-1), graph.kernels, graph)
+    density = sums[:, :, 3]
+    against = sums[:, :, :3] - density[:, :, None] * state.velocities[:, None]
+    crowding = (density[:, CLOSE_WINDOW : CLOSE_WINDOW + 1] - CROWDED).clamp(min=0)
+    acts = torch.cat(
         [
-            state.velocities / VELOCITY_SCALE,
             soft_limit(lag(state, around.gravity)),
             soft_limit(pushed),
             near_solid,
             near_solid * normal,
-            near_solid * into_solid / VELOCITY_SCALE,
-            nearness(walls),
-            torch.ones_like(near_solid),
+            near_solid * from_solid / VELOCITY_SCALE,
+            walls,
+            walls * from_walls / VELOCITY_SCALE,
+            soft_limit(against.flatten(1) * (FRAME_TIME / DISPLACEMENT_SCALE)),
+            crowding,
+            crowding * density[:, CLOSE_DIRECTION],
         ],
         dim=-1,
     )
+    return acts, density
 
 
 def nearness(distance: Tensor) -> Tensor:

@@ -1,4 +1,8 @@
-"""The network: particles' features in, a correction for each particle out."""
+"""The network: what acts on the particles in, a correction for each particle out.
+
+It has no biases, and SiLU is zero at zero: where nothing acts, within as many hops as there are layers, the
+correction is exactly zero, and a free fall stays one. How the neighbours lie is told by factors, not by terms.
+"""
 
 from __future__ import annotations
 
@@ -13,8 +17,8 @@ class Layer(nn.Module):
     def __init__(self, width: int) -> None:
         super().__init__()
         self.mix = nn.Linear(width, KERNELS * width, bias=False)
-        self.own = nn.Linear(width, width)
-        self.out = nn.Linear(width, width)
+        self.own = nn.Linear(width, width, bias=False)
+        self.out = nn.Linear(width, width, bias=False)
 
     def forward(self, hidden: Tensor, graph: Graph) -> Tensor:
         """(N, width) -> (N, width)."""
@@ -27,17 +31,23 @@ class Layer(nn.Module):
 class ConvolutionNetwork(nn.Module):
     """Encoder, ``layers`` steps of message passing of ``width`` channels, decoder."""
 
-    def __init__(self, inputs: int, outputs: int, width: int, layers: int) -> None:
+    def __init__(self, actions: int, surroundings: int, outputs: int, width: int, layers: int) -> None:
         super().__init__()
-        self.encoder = nn.Sequential(nn.Linear(inputs, width), nn.SiLU(), nn.Linear(width, width))
+        self.encoder = nn.Sequential(
+            nn.Linear(actions, width, bias=False), nn.SiLU(), nn.Linear(width, width, bias=False)
+        )
+        self.factors = nn.Sequential(nn.Linear(surroundings, width), nn.SiLU(), nn.Linear(width, 2 * width))
         self.layers = nn.ModuleList(Layer(width) for _ in range(layers))
-        self.decoder = nn.Sequential(nn.Linear(width, width), nn.SiLU(), nn.Linear(width, outputs))
+        self.decoder = nn.Sequential(
+            nn.Linear(width, width, bias=False), nn.SiLU(), nn.Linear(width, outputs, bias=False)
+        )
         # The decoder starts small: an untrained model is close to ballistic motion.
         nn.init.normal_(self.decoder[-1].weight, std=1e-3)
 
-    def forward(self, features: Tensor, graph: Graph) -> Tensor:
-        """(N, inputs) -> (N, outputs)."""
-        hidden = self.encoder(features)
+    def forward(self, actions: Tensor, surroundings: Tensor, graph: Graph) -> Tensor:
+        """What acts (N, actions) and how the neighbours lie (N, surroundings) -> (N, outputs)."""
+        first, last = (1 + self.factors(surroundings)).chunk(2, dim=-1)
+        hidden = self.encoder(actions) * first
         for layer in self.layers:
             hidden = layer(hidden, graph)
-        return self.decoder(hidden)
+        return self.decoder(hidden * last)

@@ -9,7 +9,7 @@ import torch
 from torch import Tensor, nn
 
 from surfsup.model.convolution import Graph, graph, join
-from surfsup.model.features import DISPLACEMENT_SCALE, FEATURES, lag, node_features
+from surfsup.model.features import ACTIONS, DISPLACEMENT_SCALE, SURROUNDINGS, lag, observe_features
 from surfsup.model.guard import guard
 from surfsup.model.neighbours import neighbourhood
 from surfsup.model.network import ConvolutionNetwork
@@ -41,14 +41,16 @@ class Observation:
         state: the fluid now.
         ahead: (N, 3) where ballistic motion would take it, metres.
         gravity: (3,) or (N, 3), m/s².
-        features: (N, 21).
+        acts: (N, 51), what acts on each particle.
+        lie: (N, 8), how its neighbours lie.
         graph: neighbours at ``ahead``.
     """
 
     state: State
     ahead: Tensor
     gravity: Tensor
-    features: Tensor
+    acts: Tensor
+    lie: Tensor
     graph: Graph
 
 
@@ -71,15 +73,15 @@ class Simulator(nn.Module):
     def __init__(self, architecture: Architecture) -> None:
         super().__init__()
         self.architecture = architecture
-        self.network = ConvolutionNetwork(FEATURES, OUTPUTS, architecture.width, architecture.layers)
+        self.network = ConvolutionNetwork(ACTIONS, SURROUNDINGS, OUTPUTS, architecture.width, architecture.layers)
 
     def observe(self, state: State, around: Surroundings) -> Observation:
         """See ``state``: advance it ballistically, find neighbours and distances there."""
         ahead = state.positions + FRAME_TIME * state.velocities + free_fall_drop(around.gravity)
         distance, normal = around.distance_and_normal(ahead)
-        near = neighbourhood(ahead, self.architecture.radius)
-        features = node_features(state, ahead, distance, normal, around)
-        return Observation(state, ahead, around.gravity, features, graph(ahead, near, self.architecture.radius))
+        seen = graph(ahead, neighbourhood(ahead, self.architecture.radius), self.architecture.radius)
+        acts, lie = observe_features(state, ahead, distance, normal, around, seen)
+        return Observation(state, ahead, around.gravity, acts, lie, seen)
 
     def correct(self, seen: Observation) -> Correction:
         """The network's correction to ballistic motion.
@@ -87,7 +89,7 @@ class Simulator(nn.Module):
         The particle's lag already tells most of it (0.7 to 0.8 of the variance); learned gates pass it on,
         and the network adds the rest.
         """
-        out = self.network(seen.features, seen.graph)
+        out = self.network(seen.acts, seen.lie, seen.graph)
         late = lag(seen.state, seen.gravity)
         velocity = out[:, 0:3] + 2 * torch.sigmoid(out[:, 6:7]) * late
         position = 0.62 * velocity + 0.3 * out[:, 3:6] + (torch.sigmoid(out[:, 7:8]) - 0.5) * late
@@ -130,6 +132,7 @@ def join_observations(parts: list[Observation]) -> Observation:
         State(*(torch.cat([getattr(state, name) for state in states]) for name in vars(states[0]))),
         torch.cat([part.ahead for part in parts]),
         torch.cat([part.gravity.expand_as(part.ahead) for part in parts]),
-        torch.cat([part.features for part in parts]),
+        torch.cat([part.acts for part in parts]),
+        torch.cat([part.lie for part in parts]),
         join([part.graph for part in parts]),
     )

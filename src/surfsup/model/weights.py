@@ -15,7 +15,7 @@ from torch import Tensor
 from surfsup.errors import InputError
 from surfsup.model.simulator import Architecture, Simulator
 
-FORMAT = "surfsup-simulator-1"
+FORMAT = "surfsup-simulator-2"
 DEFAULT_MODEL = "first"
 
 

@@ -114,9 +114,7 @@ class MeshSurface(Surface):
                 distance[unsure], normal[unsure] = self.ask(points[unsure], fine.nearest_node(points[unsure]))
         return distance, normal
 
-    def ask(
-        self, points: np.ndarray, known: tuple[np.ndarray, np.ndarray] | None
-    ) -> tuple[np.ndarray, np.ndarray]:
+    def ask(self, points: np.ndarray, known: tuple[np.ndarray, np.ndarray] | None) -> tuple[np.ndarray, np.ndarray]:
         """Distance and normal by the mesh itself.
 
         ``known`` may bring how far a place is (N,) whose side is known, and that side (N,): as long as it is

@@ -42,9 +42,7 @@ class DistanceCache:
         self.lower, self.upper = lower, lower + cell * (shape - 1)
         self.last_cell = shape - 2
         self.stride = np.array([shape[1] * shape[2], shape[2], 1])
-        self.corner_steps = (
-            np.stack(np.meshgrid(*[[0, 1]] * 3, indexing="ij"), axis=-1).reshape(8, 3) @ self.stride
-        )
+        self.corner_steps = np.stack(np.meshgrid(*[[0, 1]] * 3, indexing="ij"), axis=-1).reshape(8, 3) @ self.stride
 
     def holds(self, points: np.ndarray) -> np.ndarray:
         """Which of ``points`` (N, 3) lie in the grid, (N,)."""
@@ -81,6 +79,4 @@ class DistanceCache:
         """Metres (N,) from points in the grid to the nearest node, and whether that node is in the solid."""
         place = (points - self.lower) / self.cell
         node = place.round()
-        return np.linalg.norm(place - node, axis=1) * self.cell, self.inside[
-            node.astype(np.int64) @ self.stride
-        ]
+        return np.linalg.norm(place - node, axis=1) * self.cell, self.inside[node.astype(np.int64) @ self.stride]

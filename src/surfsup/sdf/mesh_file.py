@@ -16,9 +16,7 @@ if TYPE_CHECKING:
 
 FORMATS = ("obj", "stl", "ply", "off", "glb")
 FLAT = 1e-6  # thickness over largest extent, below which nothing can be inside
-OPEN_SHEET = (
-    0.75  # |sum of the area vectors| / area: 0 for a closed mesh, 0.5 for a hemisphere, 1 for a sheet
-)
+OPEN_SHEET = 0.75  # |sum of the area vectors| / area: 0 for a closed mesh, 0.5 for a hemisphere, 1 for a sheet
 
 
 class MeshWarning(UserWarning):
@@ -67,9 +65,7 @@ def fit_mesh(mesh: trimesh.Trimesh, largest_extent: float) -> tuple[trimesh.Trim
         InputError: the extent is not a positive number.
     """
     if not (np.isfinite(largest_extent) and largest_extent > 0):
-        raise InputError(
-            f"fit: the largest extent is {largest_extent}, but must be a positive number of metres"
-        )
+        raise InputError(f"fit: the largest extent is {largest_extent}, but must be a positive number of metres")
     lower, upper = np.asarray(mesh.bounds)
     scale = float(largest_extent / (upper - lower).max())
     middle = (lower + upper) / 2
@@ -106,9 +102,7 @@ def parse(path: Path, kind: str) -> trimesh.Trimesh:
     except Exception as error:
         # Loaders fail on damaged files in every way there is.
         reason = " ".join(str(error).split())[:120] or type(error).__name__
-        raise InputError(
-            f"{path}: is damaged or is no {kind.upper()} file ({reason}); export it again"
-        ) from error
+        raise InputError(f"{path}: is damaged or is no {kind.upper()} file ({reason}); export it again") from error
     if broken:
         raise InputError(f"{path}: is damaged: faces name vertices that it does not have; export it again")
     if len(faces) == 0:
@@ -125,9 +119,7 @@ def clean(mesh: trimesh.Trimesh, path: Path) -> trimesh.Trimesh:
     mesh.remove_unreferenced_vertices()
     bad = int((~np.isfinite(mesh.vertices)).any(axis=1).sum())
     if bad:
-        raise InputError(
-            f"{path}: {bad} of its vertices are not finite numbers (NaN or infinity); export it again"
-        )
+        raise InputError(f"{path}: {bad} of its vertices are not finite numbers (NaN or infinity); export it again")
     mesh.merge_vertices(merge_tex=True, merge_norm=True)
     mesh.update_faces(distinct_corners(mesh) & mesh.unique_faces())
     mesh.remove_unreferenced_vertices()

@@ -44,9 +44,7 @@ def polygonise(surface: Surface, resolution: int = 96) -> trimesh.Trimesh:
     grid = np.stack([x.ravel(), y.ravel(), z.ravel()], axis=1)
     values = np.concatenate([distances(surface, part) for part in chunks(grid)])
     if values.min() >= 0:
-        raise InputError(
-            f"the surface has no inside that a grid of {cell:.3g} m cells could see; is it empty?"
-        )
+        raise InputError(f"the surface has no inside that a grid of {cell:.3g} m cells could see; is it empty?")
     vertices, faces, *_ = igl.marching_cubes(values, grid, len(axes[0]), len(axes[1]), len(axes[2]), 0.0)
     for _ in range(2):
         steps = [newton_step(surface, part, largest=cell / 2) for part in chunks(vertices)]

@@ -57,9 +57,7 @@ class Cylinder(Surface):
 
     def distance(self, points: Tensor) -> Tensor:
         """Exact signed distance (N,)."""
-        beyond = torch.stack(
-            [length(points[:, :2]) - self.radius, points[:, 2].abs() - self.height / 2], dim=-1
-        )
+        beyond = torch.stack([length(points[:, :2]) - self.radius, points[:, 2].abs() - self.height / 2], dim=-1)
         return length(beyond.clamp(min=0)) + beyond.amax(dim=-1).clamp(max=0)
 
     def bounds(self) -> Tensor:

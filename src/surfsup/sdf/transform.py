@@ -82,9 +82,7 @@ def axis_rotation(axis: Sequence[float] | Tensor, degrees: float | Tensor) -> Te
     direction, angle = direction.to(dtype), angle.to(dtype)
     norm = torch.linalg.vector_norm(direction)
     if tuple(direction.shape) != (3,) or not bool(torch.isfinite(norm)) or float(norm.detach()) == 0.0:
-        raise InputError(
-            f"rotate: axis is {direction.tolist()}, but must be a finite direction other than zero"
-        )
+        raise InputError(f"rotate: axis is {direction.tolist()}, but must be a finite direction other than zero")
     x, y, z = direction / norm
     zero = torch.zeros_like(x)
     cross = torch.stack([zero, -z, y, z, zero, -x, -y, x, zero]).reshape(3, 3)
@@ -116,9 +114,7 @@ def place(translation: Sequence[float] | Tensor) -> Tensor:
     """
     offset = floating(translation)
     if tuple(offset.shape) != (3,) or not bool(torch.isfinite(offset).all()):
-        raise InputError(
-            f"transform: translation is {offset.tolist()}, but must be 3 finite numbers of metres"
-        )
+        raise InputError(f"transform: translation is {offset.tolist()}, but must be 3 finite numbers of metres")
     return offset
 
 

@@ -12,13 +12,26 @@ from surfsup.model.state import FRAME_TIME
 NEAR_SURFACE = 0.09  # metres, the supplement's threshold
 NEAR_WEIGHT = 2.0
 FLOOR = 0.05  # of a frame's mean squared correction: keeps frames at rest from dominating
+RETURN = 0.3  # of the distance strayed from the truth that a frame is asked to make good
 ENERGY_CELL = 0.12  # metres
 
 
-def wanted_correction(seen: Observation, positions: Tensor, velocities: Tensor) -> Correction:
-    """The correction that would have led from ``seen`` to the true positions and velocities (N, 3)."""
+def wanted_correction(seen: Observation, before: Tensor, positions: Tensor, velocities: Tensor) -> Correction:
+    """The correction that would lead from ``seen`` to the true velocities and by the true displacement.
+
+    Where the state has strayed from the truth its place is asked to return only by a part: how far it strayed is mostly
+    chaos that no state tells, and asking for all of it teaches the model to snap back, which pumps energy in.
+
+    Args:
+        seen: what the network saw.
+        before: (N, 3) true positions of the frame that was seen, metres.
+        positions: (N, 3) true positions one frame later.
+        velocities: (N, 3) true velocities one frame later, m/s.
+    """
     gained = velocities - seen.state.velocities - FRAME_TIME * seen.gravity
-    return Correction(gained * FRAME_TIME / DISPLACEMENT_SCALE, (positions - seen.ahead) / DISPLACEMENT_SCALE)
+    strayed = (seen.state.positions - before).detach()
+    goal = positions + (1 - RETURN) * strayed
+    return Correction(gained * FRAME_TIME / DISPLACEMENT_SCALE, (goal - seen.ahead) / DISPLACEMENT_SCALE)
 
 
 def motion_loss(predicted: Correction, wanted: Correction, near: Tensor) -> Tensor:
@@ -34,7 +47,8 @@ def motion_loss(predicted: Correction, wanted: Correction, near: Tensor) -> Tens
     error = (predicted.velocity - wanted.velocity).square().sum(dim=-1)
     error = error + 2 * (predicted.position - wanted.position).square().sum(dim=-1)
     weight = torch.where(near, NEAR_WEIGHT, 1.0)
-    size = wanted.velocity.square().sum(dim=-1).mean()
+    # Without a gradient: else a frame could be made to look easier by straying further in the one before.
+    size = wanted.velocity.detach().square().sum(dim=-1).mean()
     return (weight * error).sum() / weight.sum() / (size + FLOOR).sqrt()
 
 

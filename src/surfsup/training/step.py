@@ -67,13 +67,14 @@ def batch_loss(model: Simulator, batch: list[Window], phase: Phase, random: np.r
         for window, view, correction in zip(batch, seen, predicted, strict=True):
             positions, velocities = model.advance(view, correction)
             true_positions, true_velocities = window.positions[frame], window.velocities[frame]
-            wanted = wanted_correction(view, true_positions, true_velocities)
+            before = window.positions[frame - 1] if frame > 0 else window.state.positions
+            wanted = wanted_correction(view, before, true_positions, true_velocities)
             with torch.no_grad():
                 near = window.around.distance_and_normal(view.ahead)[0] < NEAR_SURFACE
             losses.append(motion_loss(correction, wanted, near))
             if phase.energy > 0:
                 shift = torch.from_numpy(random.uniform(0, 1, 3).astype(np.float32))
-                size = wanted.velocity.square().sum(dim=-1).mean().sqrt()
+                size = wanted.velocity.detach().square().sum(dim=-1).mean().sqrt()
                 losses[-1] = losses[-1] + phase.energy / (1 + size) * energy_loss(
                     velocities, true_velocities, true_positions, shift
                 )

@@ -7,9 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 FIELD_OF_VIEW = 26.0  # degrees, upright; long enough a lens that a box does not look like a pyramid
-_TOWARDS_CAMERA = np.array(
-    [0.50, -0.86, 0.40]
-)  # from the front, a little to the right, looking down by 22 degrees
+_TOWARDS_CAMERA = np.array([0.50, -0.86, 0.40])  # from the front, a little to the right, looking down by 22 degrees
 _MARGIN = 1.03
 _HEADROOM = 0.06  # metres above the highest point of interest
 
@@ -72,9 +70,7 @@ def frame_camera(
     # solid is what matters.
     tops += [np.quantile(focus[:, 2], 0.6)] if focus is not None and len(focus) else []
     top = min(max(tops) + _HEADROOM, container_size[2]) if tops else container_size[2]
-    corners = np.array(
-        [[x, y, z] for x in (-half[0], half[0]) for y in (-half[1], half[1]) for z in (0.0, top)]
-    )
+    corners = np.array([[x, y, z] for x in (-half[0], half[0]) for y in (-half[1], half[1]) for z in (0.0, top)])
     towards = _TOWARDS_CAMERA / np.linalg.norm(_TOWARDS_CAMERA)
 
     target, distance = np.array([0.0, 0.0, top / 2]), float(np.linalg.norm(corners, axis=1).max()) * 4

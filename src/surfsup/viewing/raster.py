@@ -53,9 +53,7 @@ class Rasteriser:
         right /= np.linalg.norm(right)
         return np.stack([right, np.cross(right, direction), direction])
 
-    def _aim(
-        self, eye: np.ndarray, target: np.ndarray, near: float, far: float, up: np.ndarray | None = None
-    ) -> None:
+    def _aim(self, eye: np.ndarray, target: np.ndarray, near: float, far: float, up: np.ndarray | None = None) -> None:
         camera = self._plotter.camera
         camera.SetPosition(*eye)
         camera.SetFocalPoint(*target)
@@ -67,9 +65,7 @@ class Rasteriser:
         """Draw `mesh` from now on, in vertex `colours` (N, 3) uint8, as they are: without light."""
         self._plotter.clear_actors()
         if mesh.n_points:
-            mesh.point_data["colours"] = (
-                colours if colours is not None else np.zeros((mesh.n_points, 3), np.uint8)
-            )
+            mesh.point_data["colours"] = colours if colours is not None else np.zeros((mesh.n_points, 3), np.uint8)
             self._plotter.add_mesh(
                 mesh,
                 scalars="colours",

@@ -69,9 +69,7 @@ class FrameRenderer:
         small = picture.reshape(height // _FINE, _FINE, width // _FINE, _FINE, 3).mean((1, 3))
         return light.to_display(small)
 
-    def _add_water(
-        self, surface: object, positions: np.ndarray, behind: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray]:
+    def _add_water(self, surface: object, positions: np.ndarray, behind: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         self._raster.hold(surface, (surface.point_data["Normals"] * 127.5 + 128.0).astype(np.uint8))
         depth = self._raster.depth()
         rows, columns = np.nonzero(depth < self._stage.depth)

@@ -142,9 +142,7 @@ def _floor(camera: Camera, shadows: _Shadows | None) -> tuple[np.ndarray, np.nda
     x, y = camera.eye[0] + reach * rays[..., 0], camera.eye[1] + reach * rays[..., 1]
 
     grid = np.linspace(-_FLOOR_REACH, _FLOOR_REACH, _FLOOR_CELLS, dtype=np.float32)
-    points = np.stack(
-        [*np.meshgrid(grid, grid, indexing="ij"), np.zeros((_FLOOR_CELLS,) * 2, np.float32)], -1
-    )
+    points = np.stack([*np.meshgrid(grid, grid, indexing="ij"), np.zeros((_FLOOR_CELLS,) * 2, np.float32)], -1)
     upwards = np.broadcast_to(np.array([0.0, 0.0, 1.0], np.float32), points.shape)
     open_sky = np.float32(1.18)
     if shadows is None:

@@ -71,9 +71,7 @@ def _encode(
                 stream.width, stream.height, stream.pix_fmt = width, height, "yuv420p"
                 stream.options = {"crf": "18", "preset": "medium"}
             elif (width, height) != (stream.width, stream.height):
-                raise ValueError(
-                    f"image {done} is {width}x{height}, those before are {stream.width}x{stream.height}"
-                )
+                raise ValueError(f"image {done} is {width}x{height}, those before are {stream.width}x{stream.height}")
             container.mux(stream.encode(av.VideoFrame.from_ndarray(image, format="rgb24")))
             if progress is not None:
                 progress(done, total)

@@ -43,9 +43,7 @@ def write_page(
     """
     positions = np.asarray(positions)
     if positions.ndim != 3 or positions.shape[2] != 3 or 0 in positions.shape:
-        raise ValueError(
-            f"positions must be (frames, particles, 3), none of them 0; they are {positions.shape}"
-        )
+        raise ValueError(f"positions must be (frames, particles, 3), none of them 0; they are {positions.shape}")
     positions, stride = _thin(positions)
     packed, low, extent = _quantise(positions, progress)
     mesh = _light_mesh(solid) if solid is not None else trimesh.Trimesh()

@@ -18,9 +18,7 @@ from surfsup.viewing.camera import Camera
 if TYPE_CHECKING:
     import pyvista
 
-ABSORPTION = np.array(
-    [15.0, 4.8, 2.3], np.float32
-)  # a metre; far more than water's, for the scene is a metre wide
+ABSORPTION = np.array([15.0, 4.8, 2.3], np.float32)  # a metre; far more than water's, for the scene is a metre wide
 BODY = np.array([0.05, 0.30, 0.50], np.float32)  # what thick water scatters back
 _REFRACTION = 0.35  # how far (share of the depth of water) a ray is bent aside
 _REFLECTANCE = 0.02  # of water seen straight on
@@ -49,9 +47,7 @@ def water_surface(positions: np.ndarray, particle_radius: float) -> "pyvista.Pol
     return surface
 
 
-def thickness(
-    positions: np.ndarray, particle_radius: float, camera: Camera, behind: np.ndarray
-) -> np.ndarray:
+def thickness(positions: np.ndarray, particle_radius: float, camera: Camera, behind: np.ndarray) -> np.ndarray:
     """Metres of water (H, W) that each pixel of `camera` looks through, in front of the depth `behind`
     (H, W).
     """
@@ -82,9 +78,7 @@ def shade(
     """
     view = -rays / np.linalg.norm(rays, axis=1, keepdims=True)
     facing = np.einsum("ij,ij->i", normals, view)
-    normals = (
-        normals + np.maximum(0.02 - facing, 0.0)[:, None] * view
-    )  # smoothing may have turned a rim's normal away
+    normals = normals + np.maximum(0.02 - facing, 0.0)[:, None] * view  # smoothing may have turned a rim's normal away
     facing = np.clip(facing, 0.02, 1.0)
 
     # Refraction: look at what lies aside, unless that stands in front of the water.
@@ -102,11 +96,7 @@ def shade(
     fresnel = (_REFLECTANCE + (1 - _REFLECTANCE) * (1.0 - facing) ** 5)[:, None]
     reflected = 2.0 * facing[:, None] * normals - view
     glint = np.clip(reflected @ light.SUN.astype(np.float32), 0.0, 1.0) ** 160
-    return (
-        body * (1.0 - fresnel)
-        + light.surroundings(reflected) * fresnel
-        + 0.55 * glint[:, None] * light.SUN_COLOUR
-    )
+    return body * (1.0 - fresnel) + light.surroundings(reflected) * fresnel + 0.55 * glint[:, None] * light.SUN_COLOUR
 
 
 def sun_axes() -> np.ndarray:
@@ -138,9 +128,5 @@ def sunlight(positions: np.ndarray, particle_radius: float, along: np.ndarray) -
     inside = (column >= 0) & (column < shape[0]) & (row >= 0) & (row < shape[1])
     column, row = np.where(inside, column, 0), np.where(inside, row, 0)
     dense = water[column, row]
-    above = (
-        towards[column, row] / np.maximum(dense, 1e-9) - along[:, 2]
-    )  # how far up the sunbeam the water hangs
-    return 1.0 - 0.4 * inside * (1.0 - np.exp(-14.0 * dense)) * np.clip(
-        above / (3 * particle_radius), 0.0, 1.0
-    )
+    above = towards[column, row] / np.maximum(dense, 1e-9) - along[:, 2]  # how far up the sunbeam the water hangs
+    return 1.0 - 0.4 * inside * (1.0 - np.exp(-14.0 * dense)) * np.clip(above / (3 * particle_radius), 0.0, 1.0)

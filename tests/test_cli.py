@@ -1,0 +1,151 @@
+"""The program as a user runs it: in a process of its own, by its files and its exit status."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import av
+import numpy as np
+import pytest
+import trimesh
+
+from surfsup.trajectory import Trajectory
+
+SCENE = """
+surface: {sphere: {radius: 0.2}, at: [0, 0, 0.2]}
+fluid:
+  - block: {min: [-0.15, -0.15, 0.45], max: [0.15, 0.15, 0.6]}
+frames: 30
+"""
+
+
+def surfsup(*arguments, **options):
+    command = [sys.executable, "-m", "surfsup.cli", *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True, timeout=300, check=False, **options)
+
+
+@pytest.fixture
+def scene(tmp_path):
+    path = tmp_path / "scene.yaml"
+    path.write_text(SCENE)
+    return path
+
+
+def test_water_on_a_mesh_leaves_trajectory_page_video_and_summary(tmp_path):
+    mesh = tmp_path / "ball.stl"
+    trimesh.creation.icosphere(3, 25.0).export(mesh)
+    out = tmp_path / "out"
+    done = surfsup(
+        "simulate", mesh, "-o", out, "--frames", 30, "--block-min", -0.1, -0.1, 0.8, "--block-max", 0.1, 0.1, 1.0
+    )
+    assert done.returncode == 0, done.stderr
+    assert "50 x 50 x 50" in done.stdout
+    for name in ("trajectory.h5", "page.html", "video.mp4"):
+        assert name in done.stdout
+        assert (out / name).stat().st_size > 1000
+    summary = json.loads((out / "summary.json").read_text())
+    assert (summary["frames"], summary["penetrations"], summary["out_of_container"]) == (30, 0, 0)
+    with Trajectory(out / "trajectory.h5") as trajectory:
+        assert trajectory.positions.shape == (30, summary["particles"], 3)
+        assert np.isfinite(trajectory.positions[:]).all()
+        assert trajectory.positions[-1][:, 2].mean() < trajectory.positions[0][:, 2].mean() - 0.05
+    with av.open(str(out / "video.mp4")) as video:
+        assert sum(1 for _ in video.decode(video=0)) > 1
+
+
+def test_learned_and_reference_start_alike_and_agree_in_free_fall(scene, tmp_path):
+    for verb in ("simulate", "reference"):
+        done = surfsup(verb, scene, "-o", tmp_path / verb, "--no-page", "--no-video", "--frames", 4)
+        assert done.returncode == 0, done.stderr
+    with Trajectory(tmp_path / "simulate/trajectory.h5") as a, Trajectory(tmp_path / "reference/trajectory.h5") as b:
+        np.testing.assert_allclose(a.positions[0], b.positions[0], atol=1e-6)
+        np.testing.assert_allclose(a.positions[-1], b.positions[-1], atol=2e-3)
+
+
+def test_a_picture_of_a_frame_and_the_page_can_be_made_later(scene, tmp_path):
+    out = tmp_path / "out"
+    surfsup("simulate", scene, "-o", out, "--no-page", "--no-video", "--frames", 3)
+    assert not (out / "page.html").exists()
+    assert surfsup("view", out / "trajectory.h5").returncode == 0
+    assert (out / "page.html").exists()
+    assert surfsup("render", out / "trajectory.h5", "--frame", 2).returncode == 0
+    assert (out / "frame-00002.png").read_bytes().startswith(b"\x89PNG")
+    refused = surfsup("render", out / "trajectory.h5", "--frame", 3)
+    assert (refused.returncode, "has the frames 0 to 2" in refused.stderr) == (2, True)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "complaint"),
+    [
+        (["simulat"], "Did you mean 'simulate'"),
+        (["simulate"], "Missing argument"),
+        (["simulate", "nothing.obj"], "nothing.obj"),
+        (["simulate", "SCENE", "--frames", "0"], "greater than or equal to 1"),
+        (["simulate", "SCENE", "--model", "nobody"], "there is no model 'nobody'"),
+        (["simulate", "SCENE", "--device", "tpu"], "there is no device 'tpu'"),
+        (["simulate", "SCENE", "--up", "y"], "a scene file places everything itself"),
+        (["simulate", "SCENE", "-o", "SCENE"], "cannot be used as the output folder"),
+        (["generate", "nothing", "-o", "data", "-n", "1"], "there is no recipe 'nothing'"),
+        (["generate", "prim-shapes", "-o", "data", "-n", "0"], "at least 1"),
+        (["train", "nothing", "--data", ".", "--validation", ".", "-o", "run"], "no training preset"),
+        (["train", "first", "--data", ".", "--validation", ".", "-o", "run", "--time", "soon"], "length of time"),
+        (["train", "first", "width", "--data", ".", "--validation", ".", "-o", "run"], "key=value"),
+        (["train", "first", "widht=8", "--data", ".", "--validation", ".", "-o", "run"], "did you mean 'width'"),
+        (["train", "first", "--data", ".", "--validation", ".", "-o", "run"], "no trajectories"),
+        (["evaluate", "first", ".", "-o", "report"], "no trajectories"),
+        (["view", "SCENE"], "not a trajectory"),
+    ],
+)
+def test_a_mistake_gets_one_line_and_status_2_and_leaves_nothing(arguments, complaint, scene, tmp_path):
+    before = sorted(os.listdir(tmp_path))
+    done = surfsup(*[str(scene) if argument == "SCENE" else argument for argument in arguments], cwd=tmp_path)
+    assert done.returncode == 2
+    assert complaint in done.stderr
+    assert len(done.stderr.strip().splitlines()) == 1
+    assert sorted(os.listdir(tmp_path)) == before
+
+
+def test_an_interrupt_leaves_a_readable_trajectory_and_status_130(scene, tmp_path):
+    out = tmp_path / "out"
+    command = [sys.executable, "-m", "surfsup.cli", "simulate", str(scene), "-o", str(out), "--frames", "100000"]
+    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as running:
+        deadline = time.monotonic() + 60
+        while not (out / "trajectory.h5").exists() and time.monotonic() < deadline:
+            time.sleep(0.2)
+        time.sleep(2)
+        running.send_signal(signal.SIGINT)
+        _, told = running.communicate(timeout=60)
+    assert running.returncode == 130
+    assert "interrupted" in told
+    with Trajectory(out / "trajectory.h5") as trajectory:
+        assert len(trajectory) == json.loads((out / "summary.json").read_text())["frames"]
+
+
+def test_without_graphics_the_package_is_named_and_no_video_still_works(scene, tmp_path):
+    """Stands in for a machine without libEGL: the loader finds none."""
+    script = (
+        "import ctypes, sys\n"
+        "real = ctypes.CDLL\n"
+        "def without_egl(name, *rest, **more):\n"
+        "    if name and 'EGL' in str(name):\n"
+        "        raise OSError(name)\n"
+        "    return real(name, *rest, **more)\n"
+        "ctypes.CDLL = without_egl\n"
+        "from surfsup.cli import main\n"
+        "main()\n"
+    )
+    base = [sys.executable, "-c", script, "simulate", str(scene), "--frames", "2"]
+    refused = subprocess.run([*base, "-o", str(tmp_path / "a")], capture_output=True, text=True, check=False)
+    assert (refused.returncode, "libegl1" in refused.stderr) == (2, True)
+    assert not (tmp_path / "a").exists()
+    made = subprocess.run([*base, "-o", str(tmp_path / "b"), "--no-video"], capture_output=True, text=True, check=False)
+    assert made.returncode == 0, made.stderr
+
+
+def test_help_and_version_are_instant_and_every_verb_has_an_example():
+    assert surfsup("--version").stdout.strip()
+    for verb in ("simulate", "reference", "generate", "train", "evaluate", "view", "render", "doctor"):
+        assert f"surfsup {verb}" in surfsup(verb, "--help").stdout
