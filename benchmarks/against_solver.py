@@ -42,9 +42,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         scene = Path(folder) / "scene.yaml"
         scene.write_text(recipe_scene(*SCENE).with_frames(arguments.frames).to_yaml())
-        print(
-            f"{'threads':>8}{'particles':>11}{'SPlisHSPlasH':>14}{'surfsup':>9}{'ratio':>7}   (ms a frame of 5 ms)"
-        )
+        print(f"{'threads':>8}{'particles':>11}{'SPlisHSPlasH':>14}{'surfsup':>9}{'ratio':>7}   (ms a frame of 5 ms)")
         for threads in (1, 2):
             solver, particles = milliseconds_a_frame("reference", scene, threads, ["--threads", str(threads)])
             ours, _ = milliseconds_a_frame("simulate", scene, threads, ["--device", "cpu", *model])

@@ -37,9 +37,7 @@ def particle_sets(exact: MeshSurface) -> dict[str, torch.Tensor]:
     """Both sets of points (3000, 3), all outside the mesh."""
     rng = np.random.default_rng(0)
     low, high = exact.bounds().numpy()
-    spread = torch.as_tensor(
-        rng.uniform([-0.5, -0.5, 0], [0.5, 0.5, 2], (2 * PARTICLES, 3)), dtype=torch.float32
-    )
+    spread = torch.as_tensor(rng.uniform([-0.5, -0.5, 0], [0.5, 0.5, 2], (2 * PARTICLES, 3)), dtype=torch.float32)
     close = torch.as_tensor(rng.uniform(low - 0.15, high + 0.15, (60_000, 3)), dtype=torch.float32)
     distance = exact.distance(close)
     pool = close[(distance > 0) & (distance < 0.15)]
@@ -68,9 +66,7 @@ def errors(surface: MeshSurface, exact: MeshSurface, points: torch.Tensor) -> li
 
 def main() -> None:
     """Print the tables."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("mesh")
     parser.add_argument("--up", choices=("y", "z"))
     arguments = parser.parse_args()

@@ -7,7 +7,7 @@ import torch
 
 from surfsup.errors import InputError
 from surfsup.evaluation.judge import Scores, judge, mean_scores, rollout_scores
-from surfsup.evaluation.report import evaluate, means, table, write_report
+from surfsup.evaluation.report import evaluate, means, table, trajectories_in, write_report
 from surfsup.model.simulator import Architecture, Simulator
 from surfsup.model.state import State
 from surfsup.scene import Scene
@@ -143,12 +143,12 @@ def test_an_empty_folder_cannot_judge(tmp_path):
     with pytest.raises(InputError, match="has no trajectories"):
         judge(silent(), tmp_path, scenes=1, frames=6)
     with pytest.raises(InputError, match="has no trajectories"):
-        evaluate(silent(), tmp_path, True, lambda done, count: None)
+        trajectories_in(tmp_path)
 
 
 def test_a_report_holds_every_scene_and_the_means(truth, tmp_path):
     told = []
-    scored = evaluate(silent(), tmp_path, True, lambda done, count: told.append((done, count)))
+    scored = evaluate(silent(), trajectories_in(tmp_path), True, lambda done, count: told.append((done, count)))
     assert told == [(1, 1)]
     assert (scored[0].scene, scored[0].kind) == ("00000.h5", "sphere")
     write_report(tmp_path / "report.json", "first", tmp_path, scored)

@@ -24,7 +24,7 @@ class Phase(BaseModel):
         until: share of all steps at which the phase ends.
         unseen: up to so many frames are rolled out first, without gradient (push-forward).
         unroll: frames that the loss is taken over, with gradient through all of them.
-        noise: metres; spread of the noise on the first state.
+        noise: metres; largest spread of the noise on the first state.
         energy: weight of the energy term.
     """
 

@@ -11,11 +11,13 @@ import torch
 from surfsup.datasets.windows import Window
 from surfsup.model.convolution import Graph
 from surfsup.model.guard import guard
-from surfsup.model.simulator import Correction, Observation, Simulator, join_observations
+from surfsup.model.simulator import POSITION_SHARE, Correction, Observation, Simulator, join_observations
 from surfsup.model.state import FRAME_TIME, State
 from surfsup.training.config import Phase, TrainingConfig
 from surfsup.training.loss import NEAR_SURFACE, energy_loss, motion_loss, wanted_correction
 from surfsup.training.run import Run
+
+NOISE_DECADES = 2.0  # how many powers of ten smaller than the configured noise a window's may be
 
 
 def take_step(run: Run, batch: list[Window], random: np.random.Generator) -> float:
@@ -101,16 +103,24 @@ def split(joined: Correction, parts: list[Observation]) -> list[Correction]:
 
 
 def with_noise(state: State, noise: float, random: np.random.Generator) -> State:
-    """A state a little off, as the model's own would be; the targets stay true, so that it learns to return."""
+    """A state as the model itself would have left it, were the frame before still exact.
+
+    The errors of place and of velocity go together as the model's do, and show in the last frame's displacement and
+    change of velocity: noise that did not would teach answers that feed back on themselves in a rollout. Its size is
+    drawn anew for every window, from almost nothing on, so that a calm state stays calm.
+    """
     if noise == 0:
         return state
+    size = noise * 10 ** random.uniform(-NOISE_DECADES, 0)
 
-    def draw(scale: float) -> torch.Tensor:
-        return torch.from_numpy(random.normal(0, scale, state.positions.shape).astype(np.float32))
+    def draw() -> torch.Tensor:
+        return torch.from_numpy(random.normal(0, size, state.positions.shape).astype(np.float32))
 
+    in_velocity = draw() / FRAME_TIME
+    in_place = POSITION_SHARE * FRAME_TIME * in_velocity + 0.5 * draw()
     return State(
-        state.positions + draw(noise),
-        state.velocities + draw(noise / FRAME_TIME),
-        state.displacement + draw(noise),
-        state.velocity_change + draw(noise / FRAME_TIME),
+        state.positions + in_place,
+        state.velocities + in_velocity,
+        state.displacement + in_place,
+        state.velocity_change + in_velocity,
     )
