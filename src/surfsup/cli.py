@@ -173,6 +173,7 @@ def train(
     overrides: Annotated[list[str] | None, typer.Argument(metavar="key=value")] = None,
     time_limit: Annotated[str, typer.Option("--time", help="Stop after so long: 90s, 30m, 2h.")] = "",
     resume: Annotated[bool, typer.Option("--resume", help="Go on from the folder's checkpoint.")] = False,
+    start: Annotated[str | None, typer.Option(help="Begin with the weights of this model or file.")] = None,
     threads: Annotated[int, typer.Option(min=1, help="Threads of torch.")] = 1,
 ) -> None:
     """Train a learned simulator.
@@ -183,6 +184,7 @@ def train(
 
     import torch
 
+    from surfsup.model import weights
     from surfsup.training.config import load_config, seconds_of
     from surfsup.training.train import Run
     from surfsup.training.train import train as run_training
@@ -191,6 +193,8 @@ def train(
     config = load_config(preset, overrides)
     limit = seconds_of(time_limit) if time_limit else float("inf")
     run = Run(config, out)
+    if start is not None:
+        run.start_from(weights.load(weights.find(start))[0])
     if resume:
         run.resume()
     elif run.checkpoint.exists():

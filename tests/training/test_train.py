@@ -10,6 +10,7 @@ import torch
 from surfsup.datasets.windows import Windows
 from surfsup.errors import InputError
 from surfsup.model import weights
+from surfsup.model.simulator import Architecture, Simulator
 from surfsup.training import train as training
 from surfsup.training.config import Phase, TrainingConfig
 from surfsup.training.step import batch_loss, learning_rate, take_step, with_noise
@@ -277,3 +278,14 @@ def test_every_window_of_a_batch_counts(data, tmp_path):
     together = batch_loss(run.model, batch, quiet, random)
     apart = [batch_loss(run.model, [window], quiet, random) for window in batch]
     torch.testing.assert_close(together, torch.stack(apart).mean())
+
+
+def test_a_run_can_start_from_trained_weights_of_its_own_architecture(tmp_path):
+    torch.manual_seed(5)
+    trained = Simulator(Run(config(), tmp_path).model.architecture)
+    run = Run(config(), tmp_path)
+    run.start_from(trained)
+    for begun in (run.model, run.average):
+        assert all(torch.equal(value, trained.state_dict()[name]) for name, value in begun.state_dict().items())
+    with pytest.raises(InputError, match="the weights to start from are of"):
+        run.start_from(Simulator(Architecture(width=3, layers=1)))

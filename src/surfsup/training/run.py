@@ -29,6 +29,19 @@ class Run:
         self.best = math.inf
         self.seconds = 0.0
 
+    def start_from(self, simulator: Simulator) -> None:
+        """Begin with the weights of a trained simulator instead of random ones.
+
+        Raises:
+            InputError: it is of another architecture.
+        """
+        if simulator.architecture != self.model.architecture:
+            raise InputError(
+                f"the weights to start from are of {simulator.architecture}, the run asks for {self.model.architecture}"
+            )
+        self.model.load_state_dict(simulator.state_dict())
+        self.average.load_state_dict(simulator.state_dict())
+
     @property
     def checkpoint(self) -> Path:
         """The file from which the run can go on."""
