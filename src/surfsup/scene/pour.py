@@ -79,6 +79,8 @@ def pour_on_mesh(
     if placing.fit is not None:
         own_size = " x ".join(f"{side:.3g}" for side in own_extent)
         said += f" (its own {own_size}, scaled by {placing.fit / own_extent.max():.3g})"
+    if placing.up is None and path.suffix.lower() != ".glb":
+        said += "; z is taken as up, --up y stands it up if it lies on its side"
     return scene, said
 
 
