@@ -2,10 +2,11 @@ import importlib.util
 
 import numpy as np
 import pytest
+import torch
 import yaml
 
 from surfsup.datasets import generate as generation
-from surfsup.datasets.generate import generate, what_is_wrong
+from surfsup.datasets.generate import energy_gained, generate, what_is_wrong
 from surfsup.errors import InputError
 from surfsup.reference.solver import NAME, SolverError
 from surfsup.scene import Scene
@@ -148,7 +149,7 @@ def trajectory_of(path, change) -> None:
 @pytest.mark.parametrize(
     ("place", "reason"),
     [
-        ((0.0, 0.0, 1.0), None),
+        ((0.0, 0.0, 1.06), None),
         ((np.nan, 0.0, 1.0), "not finite"),
         ((0.6, 0.0, 1.0), "left the container"),
         ((0.0, 0.0, -0.01), "left the container"),
@@ -170,3 +171,22 @@ def test_a_velocity_that_is_not_finite_is_found(tmp_path):
 
     trajectory_of(tmp_path / "a.h5", change)
     assert "not finite" in what_is_wrong(tmp_path / "a.h5")
+
+
+def test_energy_gained_is_the_largest_rise_and_a_fall_gains_none():
+    gravity = (0.0, 0.0, -10.0)
+    heights = torch.tensor([2.0, 1.0, 0.0])
+    positions = torch.stack([torch.zeros(3), torch.zeros(3), heights], dim=-1)[:, None]
+    fall = torch.stack([torch.zeros(3), torch.zeros(3), -(20 * (2 - heights)).sqrt()], dim=-1)[:, None]
+    assert energy_gained(positions, fall, gravity) == pytest.approx(0, abs=1e-5)
+    burst = fall.clone()
+    burst[1, 0, 0] = 4.0
+    assert energy_gained(positions, burst, gravity) == pytest.approx(8, rel=1e-5)
+
+
+def test_water_that_bursts_is_not_physical(tmp_path):
+    def change(positions, velocities):
+        velocities[3:] += 2.0
+
+    trajectory_of(tmp_path / "a.h5", change)
+    assert "burst" in what_is_wrong(tmp_path / "a.h5")

@@ -18,6 +18,7 @@ from surfsup.scene import Scene
 from surfsup.scene.text import parse_yaml
 from surfsup.trajectory import Provenance, Trajectory, TrajectoryWriter
 
+ENERGY_GAIN = 0.05  # J/kg: of 87 scenes 81 gained at most 0.02; those that the cone map kicked 0.11 to 2.8
 ATTEMPTS = 5  # scenes drawn for one index before it is given up
 
 RECIPES: dict[str, Callable[[int, np.random.Generator], Scene]] = {"prim-shapes": prim_shapes.scene}
@@ -141,7 +142,7 @@ def simulate_one(recipe: str, seed: int, index: int, path: Path) -> None:
 
 
 def what_is_wrong(path: Path) -> str | None:
-    """Why the trajectory in ``path`` is not physical: not finite, in the solid, outside; None when it is."""
+    """Why the trajectory in ``path`` is not physical: not finite, in the solid, outside, burst; None when it is."""
     with Trajectory(path) as trajectory:
         surface = trajectory.scene.build_surface()
         container = trajectory.scene.container
@@ -157,4 +158,19 @@ def what_is_wrong(path: Path) -> str | None:
             deepest = min(float(surface.distance(frame).min()) for frame in positions)
         if deepest < 0:
             return f"a particle was {-deepest:.3g} m inside the solid"
+    gained = energy_gained(positions, velocities, trajectory.scene.gravity)
+    if gained > ENERGY_GAIN:
+        return f"the fluid gained {gained:.3g} J/kg, where it can only lose: it burst"
     return None
+
+
+def energy_gained(positions: torch.Tensor, velocities: torch.Tensor, gravity: tuple[float, float, float]) -> float:
+    """The largest rise of the mean mechanical energy over any stretch of frames, J/kg.
+
+    Beyond the sharp tip of a cone the solver's map of it can have the wrong sign, far out in free space; a block that
+    starts there bursts in the first frames.
+    """
+    kinetic = 0.5 * velocities.double().square().sum(dim=-1).mean(dim=-1)
+    potential = -(positions.double() @ torch.tensor(gravity, dtype=torch.float64)).mean(dim=-1)
+    energy = kinetic + potential
+    return float((energy - energy.cummin(dim=0).values).max())
