@@ -70,7 +70,9 @@ class FrameRenderer:
         return light.to_display(small)
 
     def _add_water(self, surface: object, positions: np.ndarray, behind: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        self._raster.hold(surface, (surface.point_data["Normals"] * 127.5 + 128.0).astype(np.uint8))
+        # A vertex of degenerate triangles only has no normal; any colour does, it covers no pixel.
+        facing = np.nan_to_num(surface.point_data["Normals"])
+        self._raster.hold(surface, (facing * 127.5 + 128.0).astype(np.uint8))
         depth = self._raster.depth()
         rows, columns = np.nonzero(depth < self._stage.depth)
         normals = self._raster.colour()[rows, columns].astype(np.float32) / 127.5 - 1.0
