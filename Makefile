@@ -3,10 +3,11 @@
 PYTHON ?=
 export PYTHON
 
-.PHONY: help demo test setup clean
+.PHONY: help demo test weights setup clean
 help:
 	@echo "make demo    water on a knot: a page and a video in out/demo"
 	@echo "make test    the linter and all tests"
+	@echo "make weights train the shipped model anew: data by the solver, then two runs; hours"
 	@echo "make setup   only what these two need: .venv and the system libraries"
 	@echo "make clean   remove .venv and what demo and tests left"
 
@@ -19,6 +20,16 @@ demo: .venv/ready
 test: setup
 	.venv/bin/python -m ruff check .
 	OMP_NUM_THREADS=1 .venv/bin/python -m pytest -n 2
+
+# The shipped model: see src/surfsup/weights/first.md. What is done is kept, so it can be started again.
+weights: setup
+	.venv/bin/surfsup generate prim-shapes -o data/train -n 70 --seed 1
+	.venv/bin/surfsup generate prim-shapes -o data/validation -n 10 --seed 2
+	.venv/bin/surfsup train first --data data/train --validation data/validation -o runs/first --threads 2 \
+		$(if $(wildcard runs/first/checkpoint.safetensors),--resume)
+	.venv/bin/surfsup train first-finish --start runs/first/best.safetensors --data data/train \
+		--validation data/validation -o runs/first-finish --threads 2 \
+		$(if $(wildcard runs/first-finish/checkpoint.safetensors),--resume)
 
 setup: .venv/ready
 	@scripts/system-libraries

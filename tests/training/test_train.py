@@ -289,3 +289,10 @@ def test_a_run_can_start_from_trained_weights_of_its_own_architecture(tmp_path):
         assert all(torch.equal(value, trained.state_dict()[name]) for name, value in begun.state_dict().items())
     with pytest.raises(InputError, match="the weights to start from are of"):
         run.start_from(Simulator(Architecture(width=3, layers=1)))
+
+
+def test_a_run_may_stop_before_its_schedule_ends(tmp_path, data):
+    run = Run(config(stop=5), tmp_path)
+    train(run, data, data)
+    assert run.step == 5
+    assert (tmp_path / "best.safetensors").exists()

@@ -43,7 +43,8 @@ class TrainingConfig(BaseModel):
     Attributes:
         width, layers, radius: the architecture's.
         batch: windows a step.
-        steps: of the optimiser.
+        steps: of the optimiser, over which the schedule runs.
+        stop: step to stop at before the schedule ends; None runs it to its end.
         learning_rate, final_learning_rate: of Adam, at the start and, by a cosine, at the end.
         warm_up: steps over which the learning rate rises.
         averaging: decay of the moving average of the weights, which is what is judged and kept.
@@ -60,6 +61,7 @@ class TrainingConfig(BaseModel):
     radius: Annotated[float, Field(gt=0, allow_inf_nan=False)] = 0.061
     batch: Count = 2
     steps: Count = 40_000
+    stop: Count | None = None
     learning_rate: Amount = 2e-3
     final_learning_rate: Amount = 2e-5
     warm_up: Count = 200
@@ -69,6 +71,11 @@ class TrainingConfig(BaseModel):
     judge_frames: Count = 300
     phases: Annotated[list[Phase], Field(min_length=1)]
     seed: Annotated[int, Field(ge=0)] = 0
+
+    @property
+    def last_step(self) -> int:
+        """How many steps are done in all."""
+        return min(self.steps, self.stop or self.steps)
 
     def phase(self, step: int) -> Phase:
         """The phase that ``step`` belongs to."""

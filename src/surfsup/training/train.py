@@ -78,11 +78,11 @@ def train(
     with ThreadPoolExecutor(1) as reader:
         ahead = {
             step: reader.submit(read_batch, windows, config, step)
-            for step in range(run.step, min(run.step + READ_AHEAD, config.steps))
+            for step in range(run.step, min(run.step + READ_AHEAD, config.last_step))
         }
-        while run.step < config.steps and time.monotonic() < until:
+        while run.step < config.last_step and time.monotonic() < until:
             batch, random = ahead.pop(run.step).result()
-            if run.step + READ_AHEAD < config.steps:
+            if run.step + READ_AHEAD < config.last_step:
                 ahead[run.step + READ_AHEAD] = reader.submit(read_batch, windows, config, run.step + READ_AHEAD)
             loss = take_step(run, batch, random)
             if not math.isfinite(loss):
@@ -91,13 +91,13 @@ def train(
             run.step += 1
             run.seconds = base + time.monotonic() - began
             scores = None
-            if run.step % config.judge_every == 0 or run.step == config.steps:
+            if run.step % config.judge_every == 0 or run.step == config.last_step:
                 scores = keep_the_best(run, validation, smoothed)
             if scores is not None or run.step % SAVE_EVERY == 0:
                 run.save()
             if report is not None:
                 speed = (time.monotonic() - began) / (run.step - first_step)
-                report(Progress(run.step, config.steps, smoothed, speed * (config.steps - run.step), scores))
+                report(Progress(run.step, config.last_step, smoothed, speed * (config.last_step - run.step), scores))
         for waiting in ahead.values():
             waiting.cancel()
     run.save()
