@@ -199,7 +199,9 @@ def train(
         raise InputError(f"{out}: holds a run already; go on with --resume or take another folder")
     with training_line() as tell:
         run_training(run, data, validation, time.monotonic() + limit, tell)
-    typer.echo(f"{run.step} of {config.last_step} steps done; best weights in {out / 'best.safetensors'}")
+    best = out / "best.safetensors"
+    kept = f"best weights in {best}" if best.exists() else "no weights judged yet; go on with --resume"
+    typer.echo(f"{run.step} of {config.last_step} steps done; {kept}")
 
 
 @app.command()
