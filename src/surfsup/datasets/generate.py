@@ -11,7 +11,7 @@ import torch
 import yaml
 
 from surfsup import __version__
-from surfsup.datasets import prim_shapes
+from surfsup.datasets.recipes import RECIPES
 from surfsup.errors import InputError
 from surfsup.reference import solver
 from surfsup.scene import Scene
@@ -20,8 +20,6 @@ from surfsup.trajectory import Provenance, Trajectory, TrajectoryWriter
 
 ENERGY_GAIN = 0.05  # J/kg: of 87 scenes 81 gained at most 0.02; those that the cone map kicked 0.11 to 2.8
 ATTEMPTS = 5  # scenes drawn for one index before it is given up
-
-RECIPES: dict[str, Callable[[int, np.random.Generator], Scene]] = {"prim-shapes": prim_shapes.scene}
 
 
 def recipe_scene(recipe: str, seed: int, index: int, attempt: int = 0) -> Scene:
@@ -41,7 +39,7 @@ def recipe_scene(recipe: str, seed: int, index: int, attempt: int = 0) -> Scene:
     if seed < 0:
         raise InputError(f"seed is {seed}, but must not be negative")
     entropy = [seed, index] if attempt == 0 else [seed, index, attempt]
-    return RECIPES[recipe](index, np.random.default_rng(entropy))
+    return RECIPES[recipe](Path()).scene(index, np.random.default_rng(entropy))
 
 
 def generate(

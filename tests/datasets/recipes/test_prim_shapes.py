@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from surfsup.datasets import prim_shapes
+from surfsup.datasets.recipes import prim_shapes
 from surfsup.datasets.generate import recipe_scene
 from surfsup.errors import InputError
 from surfsup.sdf import polygonise

@@ -12,6 +12,7 @@ from collections.abc import Callable
 import numpy as np
 from scipy.spatial.transform import Rotation as ScipyRotation
 
+from surfsup.datasets.recipes.recipe import Recipe
 from surfsup.scene import SPACING, Block, Container, Fluid, Scene, Shape
 from surfsup.scene.shapes import BoxShape, ConeShape, CylinderShape, Rotation, SphereShape, TorusShape
 from surfsup.sdf import polygonise
@@ -52,28 +53,33 @@ def torus(random: Random) -> dict[str, object]:
 SHAPES: tuple[Callable[[Random], dict[str, object]], ...] = (sphere, box, cylinder, cone, torus)
 
 
-def scene(index: int, random: Random) -> Scene:
-    """Scene number ``index``: the five shapes take turns, all else is drawn from ``random``."""
-    container = Container()
-    kind = SHAPES[index % len(SHAPES)](random)
-    turn = ScipyRotation.random(random_state=random).as_rotvec(degrees=True)
-    degrees = float(np.linalg.norm(turn))
-    rotation = Rotation(axis=tuple(turn / degrees), degrees=degrees)
+class PrimShapes(Recipe):
+    """One of the five primitives, turned and placed at random, under a block of water."""
 
-    lower, upper = polygonise(Shape(**kind, rotate=rotation).surface(), EXTENT_RESOLUTION).bounds
-    place = [random.uniform(*room(lower[axis], upper[axis], container.size[axis])) for axis in (0, 1)]
-    shape = Shape(**kind, rotate=rotation, at=(*place, -float(lower[2])))
+    name = "prim-shapes"
 
-    sides = random.uniform(*BLOCK_SIDE, size=3)
-    top = float(upper[2] - lower[2])
-    bottom = min(top + random.uniform(*FALL_GAP), container.size[2] - SPACING - sides[2])
-    middle = [
-        np.clip(at, low + side / 2, high - side / 2)
-        for at, side, low, high in zip(place, sides, container.lower, container.upper, strict=False)
-    ]
-    corner = np.array([middle[0] - sides[0] / 2, middle[1] - sides[1] / 2, bottom])
-    block = Block(min=tuple(corner.tolist()), max=tuple((corner + sides).tolist()))
-    return Scene(container=container, surface=shape, fluid=[Fluid(block=block)])
+    def scene(self, index: int, random: Random) -> Scene:
+        """Scene number ``index``: the five shapes take turns, all else is drawn from ``random``."""
+        container = Container()
+        kind = SHAPES[index % len(SHAPES)](random)
+        turn = ScipyRotation.random(random_state=random).as_rotvec(degrees=True)
+        degrees = float(np.linalg.norm(turn))
+        rotation = Rotation(axis=tuple(turn / degrees), degrees=degrees)
+
+        lower, upper = polygonise(Shape(**kind, rotate=rotation).surface(), EXTENT_RESOLUTION).bounds
+        place = [random.uniform(*room(lower[axis], upper[axis], container.size[axis])) for axis in (0, 1)]
+        shape = Shape(**kind, rotate=rotation, at=(*place, -float(lower[2])))
+
+        sides = random.uniform(*BLOCK_SIDE, size=3)
+        top = float(upper[2] - lower[2])
+        bottom = min(top + random.uniform(*FALL_GAP), container.size[2] - SPACING - sides[2])
+        middle = [
+            np.clip(at, low + side / 2, high - side / 2)
+            for at, side, low, high in zip(place, sides, container.lower, container.upper, strict=False)
+        ]
+        corner = np.array([middle[0] - sides[0] / 2, middle[1] - sides[1] / 2, bottom])
+        block = Block(min=tuple(corner.tolist()), max=tuple((corner + sides).tolist()))
+        return Scene(container=container, surface=shape, fluid=[Fluid(block=block)])
 
 
 def room(lower: float, upper: float, width: float) -> tuple[float, float]:

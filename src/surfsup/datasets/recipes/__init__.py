@@ -1,0 +1,8 @@
+"""Recipes: which scenes a data set is made of. A file a recipe."""
+
+from surfsup.datasets.recipes.prim_shapes import PrimShapes
+from surfsup.datasets.recipes.recipe import Recipe
+
+RECIPES: dict[str, type[Recipe]] = {recipe.name: recipe for recipe in (PrimShapes,)}
+
+__all__ = ["RECIPES", "Recipe"]
