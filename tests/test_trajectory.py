@@ -8,9 +8,16 @@ import numpy as np
 import pytest
 
 from surfsup import __version__
+from surfsup import trajectory as module
 from surfsup.errors import InputError
 from surfsup.scene import Scene
-from surfsup.trajectory import FRAMES_PER_CHUNK, Provenance, Trajectory, TrajectoryWriter
+from surfsup.trajectory import (
+    FRAMES_PER_FLUSH,
+    VELOCITY_STEP,
+    Provenance,
+    Trajectory,
+    TrajectoryWriter,
+)
 
 PARTICLES = 20
 SCENE = Scene.from_yaml(
@@ -20,8 +27,9 @@ SCENE = Scene.from_yaml(
 
 
 def frames(count: int, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
-    random = np.random.default_rng(seed)
-    return tuple(random.normal(size=(count, PARTICLES, 3)).astype(np.float32) for _ in range(2))
+    """Positions, and velocities of whole steps of what is kept of them."""
+    positions, velocities = np.random.default_rng(seed).normal(size=(2, count, PARTICLES, 3))
+    return positions.astype(np.float32), (np.round(velocities / VELOCITY_STEP) * VELOCITY_STEP).astype(np.float32)
 
 
 def writer(path: Path, particles: int = PARTICLES) -> TrajectoryWriter:
@@ -36,7 +44,7 @@ def write(path: Path, count: int) -> tuple[np.ndarray, np.ndarray]:
     return positions, velocities
 
 
-@pytest.mark.parametrize("count", [0, 1, FRAMES_PER_CHUNK - 1, FRAMES_PER_CHUNK, 3 * FRAMES_PER_CHUNK + 2])
+@pytest.mark.parametrize("count", [0, 1, 2, FRAMES_PER_FLUSH - 1, FRAMES_PER_FLUSH, 3 * FRAMES_PER_FLUSH + 2])
 def test_frames_are_read_back_exactly(tmp_path, count):
     positions, velocities = write(tmp_path / "a.h5", count)
     with Trajectory(tmp_path / "a.h5") as trajectory:
@@ -57,7 +65,7 @@ def test_the_layout_is_what_other_programs_rely_on(tmp_path):
             data = group[name]
             assert data.shape == (10, PARTICLES, 3)
             assert data.dtype == np.float32
-            assert data.chunks == (8, PARTICLES, 3)
+            assert data.chunks == (2, PARTICLES, 3)
             assert (data.compression, data.compression_opts, data.shuffle) == ("gzip", 1, True)
         assert group["particle_type"].shape == (PARTICLES,)
         assert (group["particle_type"][:] == 0).all()
@@ -71,18 +79,51 @@ def test_the_same_frames_make_the_same_bytes(tmp_path):
     assert (tmp_path / "a.h5").read_bytes() == (tmp_path / "b.h5").read_bytes()
 
 
-def test_mesh_files_of_the_scene_are_absolute_so_that_the_file_can_move(tmp_path):
+@pytest.mark.parametrize(("named", "found"), [("runs/knot.obj", "elsewhere"), ("meshes/knot.obj", ".")])
+def test_a_trajectory_can_move_with_the_meshes_beside_it_or_without_those_elsewhere(tmp_path, named, found):
     (tmp_path / "scene.yaml").write_text(
-        "surface: {mesh: {file: knot.obj}}\nfluid: [{block: {min: [0, 0, 1], max: [0.1, 0.1, 1.2]}}]"
+        f"surface: {{mesh: {{file: {named}}}}}\nfluid: [{{block: {{min: [0, 0, 1], max: [0.1, 0.1, 1.2]}}}}]"
     )
-    scene = Scene.load(tmp_path / "scene.yaml")
-    with TrajectoryWriter(tmp_path / "a.h5", scene, Provenance("a model"), PARTICLES):
+    (tmp_path / named).parent.mkdir()
+    shutil.copy("examples/knot.obj", tmp_path / named)
+    folder = tmp_path / "runs"
+    folder.mkdir(exist_ok=True)
+    with TrajectoryWriter(folder / "a.h5", Scene.load(tmp_path / "scene.yaml"), Provenance("a model"), PARTICLES):
         pass
-    moved = tmp_path / "elsewhere" / "b.h5"
-    moved.parent.mkdir()
-    (tmp_path / "a.h5").rename(moved)
-    with Trajectory(moved) as trajectory:
-        assert trajectory.scene.surface.mesh.file == tmp_path / "knot.obj"
+    folder.rename(tmp_path / "elsewhere")
+    with Trajectory(tmp_path / "elsewhere" / "a.h5") as trajectory:
+        assert trajectory.scene.build_surface() is not None
+
+
+def test_velocities_are_kept_as_finely_as_positions_tell_them(tmp_path):
+    positions, velocities = np.random.default_rng(1).normal(size=(2, 3, PARTICLES, 3)).astype(np.float32)
+    with writer(tmp_path / "a.h5") as out:
+        for frame in zip(positions, velocities, strict=True):
+            out.append(*frame)
+    with Trajectory(tmp_path / "a.h5") as trajectory:
+        np.testing.assert_array_equal(trajectory.positions[:], positions)
+        np.testing.assert_allclose(trajectory.velocities[:], velocities, rtol=0, atol=0.51 * VELOCITY_STEP)
+
+
+@pytest.mark.parametrize(("first", "count"), [(0, 1), (0, 13), (1, 6), (2, 6), (12, 1), (11, 2), (3, 0)])
+def test_a_window_is_what_hdf5_reads(tmp_path, first, count):
+    positions, velocities = write(tmp_path / "a.h5", 13)
+    with Trajectory(tmp_path / "a.h5") as trajectory:
+        window = trajectory.window(first, count)
+        np.testing.assert_array_equal(window[0], positions[first : first + count])
+        np.testing.assert_array_equal(window[1], velocities[first : first + count])
+
+
+def test_a_window_of_a_file_that_another_program_packed_is_read_as_well(tmp_path):
+    positions, velocities = write(tmp_path / "a.h5", 13)
+    with h5py.File(tmp_path / "a.h5", "a") as file:
+        for name in ("position", "velocity"):
+            values = file[f"00000/{name}"][:]
+            del file[f"00000/{name}"]
+            file.create_dataset(f"00000/{name}", data=values, chunks=(5, 7, 3), compression="lzf")
+    with Trajectory(tmp_path / "a.h5") as trajectory:
+        np.testing.assert_array_equal(trajectory.window(2, 6)[0], positions[2:8])
+        np.testing.assert_array_equal(trajectory.window(2, 6)[1], velocities[2:8])
 
 
 def test_the_buffer_of_a_frame_may_be_used_again(tmp_path):
@@ -106,7 +147,7 @@ def test_a_frame_of_another_size_is_refused_and_those_before_are_kept(tmp_path):
 
 
 @pytest.mark.parametrize("kind", [RuntimeError, KeyboardInterrupt])
-@pytest.mark.parametrize("done", [3, FRAMES_PER_CHUNK, FRAMES_PER_CHUNK + 5])
+@pytest.mark.parametrize("done", [3, FRAMES_PER_FLUSH, FRAMES_PER_FLUSH + 5])
 def test_an_error_or_interrupt_leaves_the_frames_done(tmp_path, kind, done):
     positions, velocities = frames(done)
     with pytest.raises(kind), writer(tmp_path / "a.h5") as out:
@@ -119,8 +160,8 @@ def test_an_error_or_interrupt_leaves_the_frames_done(tmp_path, kind, done):
 
 
 def test_an_interrupt_in_the_middle_of_writing_doubles_nothing(tmp_path, monkeypatch):
-    positions, velocities = frames(FRAMES_PER_CHUNK)
-    write_values = h5py.Dataset.__setitem__
+    positions, velocities = frames(FRAMES_PER_FLUSH)
+    write_values = module.write_chunks
     interrupted = []
 
     def interrupt_once(data, place, values):
@@ -129,7 +170,7 @@ def test_an_interrupt_in_the_middle_of_writing_doubles_nothing(tmp_path, monkeyp
             interrupted.append(data.name)
             raise KeyboardInterrupt
 
-    monkeypatch.setattr(h5py.Dataset, "__setitem__", interrupt_once)
+    monkeypatch.setattr(module, "write_chunks", interrupt_once)
     with pytest.raises(KeyboardInterrupt), writer(tmp_path / "a.h5") as out:
         for frame in zip(positions, velocities, strict=True):
             out.append(*frame)
@@ -222,7 +263,7 @@ def assert_full_disk_is_one_line(path: Path) -> None:
     assert "\n" not in str(error.value)
     with Trajectory(path) as trajectory:
         assert len(trajectory) > 0
-        assert len(trajectory) % FRAMES_PER_CHUNK == 0
+        assert len(trajectory) % FRAMES_PER_FLUSH == 0
         assert np.isfinite(trajectory.velocities[:]).all()
 
 

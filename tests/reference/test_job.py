@@ -3,40 +3,39 @@ import struct
 
 import numpy as np
 import pytest
-import trimesh
 
 from surfsup.reference.job import particle_file, solver_scene, write_job
+from surfsup.reference.volume_map import volume_map
+from surfsup.sdf import Sphere
+
+
+@pytest.fixture(scope="module")
+def ball():
+    return volume_map(Sphere(0.1), np.full(3, -0.2), np.full(3, 0.2), 0.05)
 
 
 def test_the_solver_is_asked_for_what_the_paper_used():
-    scene = solver_scene((1.0, 1.0, 2.0), (0.0, 0.0, -9.81), ["a.bgeo"], [(0.0, 0.0, 0.0)], "s.obj")
+    scene = solver_scene((0.0, 0.0, -9.81), ["a.bgeo"], [(0.0, 0.0, 0.0)], ["walls.cdm", "solid.cdm"])
     settings = scene["Configuration"]
     assert settings["particleRadius"] == 0.015
     assert settings["timeStepSize"] == 0.001
     assert settings["cflMethod"] == 0
     assert settings["simulationMethod"] == 4
     assert settings["boundaryHandlingMethod"] == 2
-    container, solid = scene["RigidBodies"]
-    assert container["isWall"] and container["mapInvert"]
-    assert container["translation"] == [0, 0, 1]
-    assert container["mapResolution"] == [20, 20, 40]
-    assert not solid["isWall"] and not solid["mapInvert"]
+    assert [body["mapFile"] for body in scene["RigidBodies"]] == ["walls.cdm", "solid.cdm"]
 
 
-def test_every_block_has_a_file_and_a_velocity(tmp_path):
+def test_every_block_has_a_file_and_a_velocity_and_every_boundary_a_map(tmp_path, ball):
     blocks = [np.zeros((2, 3), np.float32), np.ones((3, 3), np.float32)]
-    path = write_job(tmp_path, (1, 1, 1), (0, 0, -1), blocks, [(0, 0, 0), (1, 2, 3)], trimesh.creation.box())
+    path = write_job(tmp_path, (0, 0, -1), blocks, [(0, 0, 0), (1, 2, 3)], [ball, ball])
     scene = json.loads(path.read_text())
     assert [model["initialVelocity"] for model in scene["FluidModels"]] == [[0, 0, 0], [1, 2, 3]]
     for model, block in zip(scene["FluidModels"], blocks, strict=True):
         assert (path.parent / model["particleFile"]).read_bytes() == particle_file(block)
+    assert len(scene["RigidBodies"]) == 2
     for body in scene["RigidBodies"]:
         assert (path.parent / body["geometryFile"]).exists()
-
-
-def test_no_solid_no_second_body(tmp_path):
-    path = write_job(tmp_path, (1, 1, 1), (0, 0, -1), [np.zeros((1, 3))], [(0, 0, 0)], None)
-    assert len(json.loads(path.read_text())["RigidBodies"]) == 1
+        assert (path.parent / body["mapFile"]).stat().st_size > 10_000
 
 
 @pytest.mark.parametrize("count", [1, 5])

@@ -128,12 +128,20 @@ def test_mesh_files_are_relative_to_the_scene_file(tmp_path):
     difference = "{difference: [{mesh: {file: a.obj}}, {sphere: {radius: 1}}]}"
     text = WATER + f"surface: {{union: [{{mesh: {{file: ../meshes/knot.obj}}}}, {difference}]}}"
     (folder / "scene.yaml").write_text(text)
-    absolute = Scene.load(folder / "scene.yaml").with_absolute_files()
-    knot, difference = absolute.surface.union
-    assert knot.mesh.file == tmp_path / "meshes" / "knot.obj"
-    assert difference.difference[0].mesh.file == folder / "a.obj"
-    assert difference.difference[1].sphere.radius == 1
-    assert absolute.with_absolute_files().surface == absolute.surface
+    written = Scene.load(folder / "scene.yaml")
+    elsewhere = written.with_files_from(tmp_path / "other").surface
+    assert elsewhere.union[0].mesh.file == tmp_path / "meshes" / "knot.obj"
+    assert elsewhere.union[1].difference[0].mesh.file == folder / "a.obj"
+    assert elsewhere.union[1].difference[1].sphere.radius == 1
+
+
+def test_files_in_a_scenes_own_folder_are_named_from_there(tmp_path):
+    (tmp_path / "scene.yaml").write_text(WATER + "surface: {mesh: {file: surfaces/a.obj}}")
+    scene = Scene.load(tmp_path / "scene.yaml")
+    moved = scene.with_files_from(tmp_path)
+    assert moved.surface.mesh.file == Path("surfaces/a.obj")
+    assert moved.with_files_from(tmp_path).surface == moved.surface
+    assert moved.with_files_from(tmp_path / "deeper").surface.mesh.file == tmp_path / "surfaces" / "a.obj"
 
 
 def test_a_missing_mesh_is_named_where_it_was_looked_for(tmp_path):

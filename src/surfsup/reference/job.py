@@ -7,15 +7,15 @@ import struct
 from pathlib import Path
 
 import numpy as np
-import trimesh
 
-PARTICLE_RADIUS = 0.015  # metres
+from surfsup.reference.map_file import write_map
+from surfsup.reference.volume_map import VolumeMap
+from surfsup.scene import PARTICLE_RADIUS
+
 SOLVER_STEP = 0.001  # seconds
 STEPS_PER_FRAME = 5
-SURFACE_MAP_CELLS = 40  # cells a side of the surface's volume map, which the solver pads by about 0.48 m
-CONTAINER_MAP_CELL = 0.05  # metres; flat walls need no finer map
 
-CONTAINER_FILE = "container.obj"
+BODY_FILE = "body.obj"  # the solver wants triangles of every body, but looks at none where it is given a map
 
 VOLUME_MAPS = 2
 DFSPH = 4
@@ -24,44 +24,23 @@ STANDARD_VISCOSITY = 1
 
 
 def solver_scene(
-    container_size: tuple[float, float, float],
     gravity: tuple[float, float, float],
     fluid_files: list[str],
     velocities: list[tuple[float, float, float]],
-    surface_file: str | None,
+    map_files: list[str],
 ) -> dict[str, object]:
     """The scene file of SPlisHSPlasH: DFSPH, water, fixed step, volume-map boundaries.
 
     Args:
-        container_size: sides in metres; x and y centred on 0, floor at z = 0.
         gravity: m/s².
         fluid_files: particle files beside the scene file, one a block of fluid.
         velocities: initial velocity of each block in m/s.
-        surface_file: the solid's triangles in metres, beside the scene file.
+        map_files: volume maps beside the scene file, one a boundary.
     """
     bodies = [
-        {
-            "geometryFile": CONTAINER_FILE,
-            "translation": [0.0, 0.0, container_size[2] / 2],
-            "scale": list(container_size),
-            "isDynamic": False,
-            "isWall": True,
-            "mapInvert": True,
-            "mapThickness": 0.0,
-            "mapResolution": [max(10, round(side / CONTAINER_MAP_CELL)) for side in container_size],
-        }
+        {"geometryFile": BODY_FILE, "isDynamic": False, "isWall": True, "mapInvert": False, "mapFile": file}
+        for file in map_files
     ]
-    if surface_file is not None:
-        bodies.append(
-            {
-                "geometryFile": surface_file,
-                "isDynamic": False,
-                "isWall": False,
-                "mapInvert": False,
-                "mapThickness": 0.0,
-                "mapResolution": [SURFACE_MAP_CELLS] * 3,
-            }
-        )
     return {
         "Configuration": {
             "particleRadius": PARTICLE_RADIUS,
@@ -96,30 +75,25 @@ def solver_scene(
 
 def write_job(
     folder: Path,
-    container_size: tuple[float, float, float],
     gravity: tuple[float, float, float],
     blocks: list[np.ndarray],
     velocities: list[tuple[float, float, float]],
-    solid: trimesh.Trimesh | None,
+    boundaries: list[VolumeMap],
 ) -> Path:
-    """Write scene, particles and triangles into ``folder``, which is this job's alone.
+    """Write scene, particles and boundaries into ``folder``, which is this job's alone.
 
     Returns:
         The scene file's path.
     """
-    unit_box = trimesh.creation.box(extents=(1.0, 1.0, 1.0))
-    (folder / CONTAINER_FILE).write_text(trimesh.exchange.obj.export_obj(unit_box, include_normals=False))
-    fluid_files = []
-    for number, positions in enumerate(blocks):
-        fluid_files.append(f"fluid-{number}.bgeo")
-        (folder / fluid_files[-1]).write_bytes(particle_file(positions))
-    surface_file = None
-    if solid is not None:
-        surface_file = "surface.obj"
-        (folder / surface_file).write_text(trimesh.exchange.obj.export_obj(solid, include_normals=False))
-    scene = solver_scene(container_size, gravity, fluid_files, velocities, surface_file)
+    (folder / BODY_FILE).write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    fluid_files = [f"fluid-{number}.bgeo" for number in range(len(blocks))]
+    for file, positions in zip(fluid_files, blocks, strict=True):
+        (folder / file).write_bytes(particle_file(positions))
+    map_files = [f"boundary-{number}.cdm" for number in range(len(boundaries))]
+    for file, boundary in zip(map_files, boundaries, strict=True):
+        write_map(folder / file, boundary)
     path = folder / "scene.json"
-    path.write_text(json.dumps(scene, indent=1))
+    path.write_text(json.dumps(solver_scene(gravity, fluid_files, velocities, map_files), indent=1))
     return path
 
 

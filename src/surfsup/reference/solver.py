@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import filecmp
 import os
 import shutil
 import subprocess
@@ -11,18 +10,17 @@ import sys
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
+from typing import IO
 
 import numpy as np
 
 from surfsup.errors import InputError, SimulationError
-from surfsup.reference.job import PARTICLE_RADIUS, STEPS_PER_FRAME, write_job
+from surfsup.reference.boundaries import boundaries
+from surfsup.reference.job import STEPS_PER_FRAME, write_job
 from surfsup.scene import Scene, Start
-from surfsup.sdf import Surface, polygonise
+from surfsup.sdf import Surface
 
 NAME = "SPlisHSPlasH 2.19 DFSPH"
-SURFACE_MESH_RESOLUTION = 96
-MAPS = "Cache"  # where the solver keeps its boundary maps, beside its scene file
-CONTAINER_MAPS = "container*"
 INPUT_ERROR = f"{InputError.__module__}.{InputError.__name__}: "  # as it ends a traceback
 
 
@@ -30,23 +28,16 @@ class SolverError(SimulationError):
     """The reference solver stopped before it was done; the message is one line."""
 
 
-def map_cache() -> Path:
-    """The folder where boundary maps are kept between runs, as the system's cache conventions place it."""
-    base = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
-    return Path(base) / "surfsup" / "reference"
-
-
 def simulate(
-    scene: Scene, surface: Surface | None, start: Start, threads: int = 1, folder: Path | None = None
+    scene: Scene, surface: Surface | None, start: Start, threads: int = 1
 ) -> Iterator[tuple[np.ndarray, np.ndarray]]:
     """Run ``scene`` in SPlisHSPlasH and yield its frames as the solver makes them.
 
     Args:
         scene: container, gravity and the number of frames.
-        surface: the scene's solid; the solver gets its triangles.
+        surface: the scene's solid; the solver gets its signed distance.
         start: the particles of frame 0.
         threads: of the solver.
-        folder: where the boundary maps are cached; :func:`map_cache` by default.
 
     Yields:
         Positions (N, 3) in metres and velocities (N, 3) in m/s of one frame, both float32. Particle i is
@@ -56,39 +47,15 @@ def simulate(
         SolverError: the child process ended early.
         InputError: the solver or a library that it needs is not installed.
     """
-    folder = folder or map_cache()
-    folder.mkdir(parents=True, exist_ok=True)
-    solid = None if surface is None else polygonise(surface, SURFACE_MESH_RESOLUTION)
-    # The solver writes its maps in place. So every job has a folder of its own, and what others may read
-    # is put into the shared cache whole: no job at work beside it and no killed one can spoil the cache.
-    with tempfile.TemporaryDirectory(prefix="job-", dir=folder) as scratch:
-        job = Path(scratch)
-        take_container_maps(folder / MAPS, job / MAPS)
-        scene_file = write_job(job, scene.container.size, scene.gravity, start.blocks, start.velocities, solid)
-        frames = run_child(scene_file, scene.frames, len(start.positions), threads, job / "log")
+    maps = boundaries(scene, surface)
+    with tempfile.TemporaryDirectory(prefix="surfsup-") as folder, tempfile.TemporaryFile() as log:
+        scene_file = write_job(Path(folder), scene.gravity, start.blocks, start.velocities, maps)
+        frames = run_child(scene_file, scene.frames, len(start.positions), threads, log)
         with contextlib.closing(frames):
             for number, frame in enumerate(frames):
-                if number == 1:  # the solver makes its maps before the first step, but after it has given frame 0
-                    give_container_maps(job / MAPS, folder / MAPS)
+                if number == 1:  # by its first step the solver has read all there is; what follows may be killed
+                    shutil.rmtree(folder)
                 yield frame
-
-
-def take_container_maps(cache: Path, own: Path) -> None:
-    """Copy what other jobs have found out about containers."""
-    own.mkdir()
-    for path in cache.glob(CONTAINER_MAPS):
-        shutil.copyfile(path, own / path.name)
-
-
-def give_container_maps(own: Path, cache: Path) -> None:
-    """Put this job's maps of its container where other jobs find them, each file at once."""
-    cache.mkdir(exist_ok=True)
-    for path in own.glob(CONTAINER_MAPS):
-        kept = cache / path.name
-        if not kept.exists() or not filecmp.cmp(path, kept, shallow=False):
-            whole = own.parent / path.name
-            shutil.copyfile(path, whole)
-            whole.replace(kept)
 
 
 def require() -> None:
@@ -105,9 +72,9 @@ def require() -> None:
 
 
 def run_child(
-    scene_file: Path, frames: int, particles: int, threads: int, log: Path
+    scene_file: Path, frames: int, particles: int, threads: int, log: IO[bytes]
 ) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-    """Start the child process on ``scene_file`` and yield the frames that it sends."""
+    """Start the child process on ``scene_file`` and yield the frames that it sends; what it says goes to ``log``."""
     command = [
         sys.executable,
         "-m",
@@ -117,8 +84,7 @@ def run_child(
         str(STEPS_PER_FRAME),
     ]
     environment = {**os.environ, "OMP_NUM_THREADS": str(threads), "OMP_WAIT_POLICY": "passive"}
-    with log.open("wb") as errors:
-        child = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=errors, env=environment)
+    child = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=log, env=environment)
     try:
         header = child.stdout.read(8)
         count = int.from_bytes(header, sys.byteorder)
@@ -138,9 +104,10 @@ def run_child(
         child.wait()
 
 
-def why_it_ended(status: int, frame: int, log: Path) -> Exception:
+def why_it_ended(status: int, frame: int, log: IO[bytes]) -> Exception:
     """The error, of one line, about a child that ended with ``status`` before it sent ``frame``."""
-    lines = [line.strip() for line in log.read_text(errors="replace").splitlines() if line.strip(" -")]
+    log.seek(0)
+    lines = [line.strip() for line in log.read().decode(errors="replace").splitlines() if line.strip(" -")]
     last = lines[-1] if lines else ""
     if last.startswith(INPUT_ERROR):
         return InputError(last.removeprefix(INPUT_ERROR))
@@ -149,4 +116,4 @@ def why_it_ended(status: int, frame: int, log: Path) -> Exception:
     return SolverError(f"the reference solver ended with {cause} before frame {frame}{said}")
 
 
-__all__ = ["NAME", "PARTICLE_RADIUS", "SolverError", "map_cache", "simulate"]
+__all__ = ["NAME", "SolverError", "simulate"]

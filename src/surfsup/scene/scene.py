@@ -89,11 +89,22 @@ class Scene(Description):
         data = self.model_dump(mode="json", exclude_defaults=True)
         return yaml.safe_dump(data, sort_keys=False, default_flow_style=None)
 
-    def with_absolute_files(self) -> Scene:
-        """The same scene that no longer depends on where its file lay."""
+    def with_files_from(self, folder: Path) -> Scene:
+        """The same scene for a file in ``folder``: files that lie in it are named from there, all others absolutely.
+
+        So a folder that holds scenes and what they need can be moved as a whole.
+        """
         if self.surface is None:
             return self
-        return self.model_copy(update={"surface": self.surface.with_files_from(self._folder)})
+        root = folder.resolve()
+
+        def rename(file: Path) -> Path:
+            absolute = (self._folder / file).resolve()
+            return absolute.relative_to(root) if absolute.is_relative_to(root) else absolute
+
+        moved = self.model_copy(update={"surface": self.surface.with_files(rename)})
+        moved._folder = folder
+        return moved
 
     def with_frames(self, frames: int) -> Scene:
         """The same scene over another number of frames."""

@@ -24,6 +24,11 @@ class Union(Surface):
         """The smallest of the parts' distances (N,)."""
         return torch.stack([part.distance(points) for part in self.parts]).amin(dim=0)
 
+    @property
+    def exact_outside(self) -> bool:
+        """As far as every part's is."""
+        return all(part.exact_outside for part in self.parts)
+
     def bounds(self) -> Tensor:
         """The box around all parts (2, 3)."""
         boxes = torch.stack([part.bounds() for part in self.parts])
@@ -41,6 +46,11 @@ class Intersection(Surface):
         """The largest of the parts' distances (N,)."""
         return torch.stack([part.distance(points) for part in self.parts]).amax(dim=0)
 
+    @property
+    def exact_outside(self) -> bool:
+        """No: beside an edge where two parts meet the distance is larger."""
+        return False
+
     def bounds(self) -> Tensor:
         """What the boxes of all parts share (2, 3); empty where lower > upper."""
         boxes = torch.stack([part.bounds() for part in self.parts])
@@ -57,6 +67,11 @@ class Difference(Surface):
     def distance(self, points: Tensor) -> Tensor:
         """Distance to what is inside ``base`` and outside ``cut`` (N,)."""
         return torch.maximum(self.base.distance(points), -self.cut.distance(points))
+
+    @property
+    def exact_outside(self) -> bool:
+        """No: beside an edge that was cut the distance is larger."""
+        return False
 
     def bounds(self) -> Tensor:
         """The box of ``base`` (2, 3)."""

@@ -47,6 +47,11 @@ class Surface(nn.Module, ABC):
         """Whether any parameter of the shape (a module parameter or a buffer) wants a gradient."""
         return any(tensor.requires_grad for tensor in chain(self.parameters(), self.buffers()))
 
+    @property
+    def exact_outside(self) -> bool:
+        """Whether the value outside the solid is the distance itself, not only a bound on it."""
+        return True
+
     def to_mesh(self, resolution: int = 96) -> trimesh.Trimesh:
         """Triangles of the surface in metres: its own where it has some, else marching cubes.
 

@@ -52,6 +52,11 @@ class Transformed(Surface):
         distance, normal = self.surface.distance_and_normal(self.to_own_frame(points))
         return self.scale * distance, normal @ self.rotation.T.to(normal.dtype)
 
+    @property
+    def exact_outside(self) -> bool:
+        """As far as the surface's own is."""
+        return self.surface.exact_outside
+
     def bounds(self) -> Tensor:
         """The box (2, 3) around the transformed corners of the surface's own box."""
         lower, upper = self.surface.bounds()

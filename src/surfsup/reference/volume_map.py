@@ -1,0 +1,178 @@
+"""How the solver feels a solid: its distance and the solid's share of a particle's neighbourhood, on a grid.
+
+The method is that of Bender et al., "Volume Maps: An Implicit Boundary Representation for SPH" (2019). SPlisHSPlasH
+builds such maps from triangles, by a quadrature of 27,000 points a node. We build them from the signed distance
+itself: nothing is rounded off by triangles, and the integral, being a convolution with a ball, costs two Fourier
+transforms.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from scipy import fft
+
+from surfsup.errors import InputError
+from surfsup.scene import PARTICLE_RADIUS
+from surfsup.sdf import Surface
+
+SUPPORT_RADIUS = 4 * PARTICLE_RADIUS  # metres: the reach of the solver's smoothing kernel
+VOLUME_FACTOR = 0.8  # of the solver's volume maps
+NODES_A_SIDE = 3  # lattice steps a cell: two inner nodes on every edge
+CHUNK = 250_000  # points a query, which bounds the memory of the surface's own intermediate tensors
+
+# The 32 nodes of a cubic serendipity cell in lattice steps from its lowest corner, in the order of Discregrid: the
+# corners, then two on every edge along x, along y and along z.
+CORNERS = [(x, y, z) for z in (0, 3) for y in (0, 3) for x in (0, 3)]
+EDGES_X = [(step, y, z) for y in (0, 3) for z in (0, 3) for step in (1, 2)]
+EDGES_Y = [(x, step, z) for z in (0, 3) for x in (0, 3) for step in (1, 2)]
+EDGES_Z = [(x, y, step) for x in (0, 3) for y in (0, 3) for step in (1, 2)]
+NODES_OF_CELL = np.array(CORNERS + EDGES_X + EDGES_Y + EDGES_Z)
+
+
+@dataclass(frozen=True)
+class VolumeMap:
+    """A grid over a box, with nodes only in the cells that the solver needs: those near the surface.
+
+    Attributes:
+        lower: the box's lowest corner (3,), metres.
+        cell: side of the cubic cells, metres.
+        resolution: cells along x, y and z (3,).
+        kept: numbers (M,) of the cells that have nodes; x runs fastest.
+        nodes: (M, 32) which nodes a kept cell has.
+        distances: (K,) of the nodes, metres, negative inside the solid.
+        volumes: (K,) of solid around the nodes, m³, as the solver weighs it.
+    """
+
+    lower: np.ndarray
+    cell: float
+    resolution: np.ndarray
+    kept: np.ndarray
+    nodes: np.ndarray
+    distances: np.ndarray
+    volumes: np.ndarray
+
+
+def volume_map(surface: Surface, lower: np.ndarray, upper: np.ndarray, cell: float) -> VolumeMap:
+    """The map of ``surface`` in the box from ``lower`` to ``upper`` (3,), in cells of about ``cell`` metres.
+
+    Args:
+        surface: its value outside must be the distance, and may be less than it only inside.
+        lower: lowest corner of the box in metres; it must reach a support radius beyond where particles go.
+        upper: highest corner; moved outward to whole cells.
+        cell: side of a cell, metres.
+
+    Raises:
+        InputError: the surface has no point in the box.
+    """
+    if (upper <= lower).any():
+        raise nothing_to_feel()
+    resolution = np.ceil((upper - lower) / cell - 1e-6).astype(int)
+    around = int(np.ceil(SUPPORT_RADIUS / cell))  # cells beyond the box which the integral reaches into
+    padded = resolution + 2 * around
+    start = lower - around * cell
+    middles = distance_at(surface, start + cell * (indices_of(np.arange(padded.prod()), padded) + 0.5))
+    # Whatever the distance at its middle, within a cell it changes by no more than the way to the corner.
+    reach = cell * np.sqrt(3) / 2
+    near = np.abs(middles) < SUPPORT_RADIUS + reach
+    if not near.any():
+        raise nothing_to_feel()
+    distances = lattice_distances(surface, start, cell, padded, middles, near)
+    volumes = solid_around(distances, cell / NODES_A_SIDE)
+
+    inside_box = indices_of(np.flatnonzero(near), padded) - around
+    inside_box = inside_box[((inside_box >= 0) & (inside_box < resolution)).all(axis=1)]
+    steps = NODES_A_SIDE * (inside_box[:, None] + around) + NODES_OF_CELL
+    places, nodes = np.unique(np.ravel_multi_index(tuple(steps.reshape(-1, 3).T), distances.shape), return_inverse=True)
+    return VolumeMap(
+        lower=np.asarray(lower, dtype=np.float64),
+        cell=cell,
+        resolution=resolution,
+        kept=inside_box @ np.array([1, resolution[0], resolution[0] * resolution[1]]),
+        nodes=nodes.reshape(-1, len(NODES_OF_CELL)),
+        distances=distances.ravel()[places],
+        volumes=volumes.ravel()[places],
+    )
+
+
+def nothing_to_feel() -> InputError:
+    """The complaint about a surface that no particle can meet."""
+    return InputError("the surface has no point near the container; move it, or leave it out")
+
+
+def indices_of(numbers: np.ndarray, resolution: np.ndarray) -> np.ndarray:
+    """Column, row and layer (M, 3) of the cells ``numbers`` (M,) of a grid in which x runs fastest."""
+    z, y, x = np.unravel_index(numbers, tuple(resolution[::-1]))
+    return np.stack([x, y, z], axis=1)
+
+
+def distance_at(surface: Surface, points: np.ndarray) -> np.ndarray:
+    """Signed distances (N,) of ``points`` (N, 3)."""
+    parts = np.array_split(points.astype(np.float32), max(1, len(points) // CHUNK))
+    with torch.no_grad():
+        return np.concatenate([surface.distance(torch.from_numpy(part)).numpy() for part in parts])
+
+
+def lattice_distances(
+    surface: Surface, start: np.ndarray, cell: float, cells: np.ndarray, middles: np.ndarray, near: np.ndarray
+) -> np.ndarray:
+    """Distances (X, Y, Z) on the lattice of all possible nodes, exact in the cells that are ``near``.
+
+    Elsewhere it is enough to know inside from outside, which the cell's middle tells.
+
+    Args:
+        surface: the solid.
+        start: lowest corner of the grid.
+        cell: side of a cell, metres.
+        cells: how many along x, y and z.
+        middles: distance at the middle of every cell, x fastest.
+        near: whether the surface is close, for every cell.
+    """
+    shape = NODES_A_SIDE * cells + 1
+    far = np.where(near, 0.0, middles).reshape(cells[::-1]).transpose(2, 1, 0)
+    lattice = np.empty(shape, dtype=np.float32)
+    block = far.repeat(NODES_A_SIDE, 0).repeat(NODES_A_SIDE, 1).repeat(NODES_A_SIDE, 2)
+    lattice[:-1, :-1, :-1] = block
+    lattice[-1, :, :], lattice[:, -1, :], lattice[:, :, -1] = lattice[-2], lattice[:, -2], lattice[:, :, -2]
+
+    wanted = np.zeros(shape, dtype=bool)
+    corners = NODES_A_SIDE * indices_of(np.flatnonzero(near), cells)
+    for step in np.ndindex(*(NODES_A_SIDE + 1,) * 3):
+        wanted[tuple((corners + step).T)] = True
+    lattice[wanted] = distance_at(surface, start + cell / NODES_A_SIDE * np.argwhere(wanted))
+    return lattice
+
+
+def solid_around(distances: np.ndarray, spacing: float) -> np.ndarray:
+    """The volume (X, Y, Z) in m³ that the solver sees within a support radius of every lattice point.
+
+    Inside the solid counts whole; outside less and less, as the smoothing kernel falls off with the distance.
+    The integral over a ball is a product in Fourier space, where the ball is known in closed form.
+    """
+    weight = kernel_share(distances)
+    reach = int(np.ceil(SUPPORT_RADIUS / spacing))
+    # What lies beyond the lattice is like its edge, and the room must be wide enough for the ball not to wrap around.
+    padded = np.pad(weight, reach, mode="edge")
+    shape = [fft.next_fast_len(side, real=True) for side in padded.shape]
+    x, y = (2 * np.pi * fft.fftfreq(side, spacing) for side in shape[:2])
+    z = 2 * np.pi * fft.rfftfreq(shape[2], spacing)
+    frequency = np.sqrt(x[:, None, None] ** 2 + y[:, None] ** 2 + z**2)
+    spectrum = fft.rfftn(padded, shape) * ball_spectrum(frequency)
+    whole = fft.irfftn(spectrum, shape)
+    inner = tuple(slice(reach, reach + side) for side in distances.shape)
+    largest = 4 / 3 * np.pi * SUPPORT_RADIUS**3
+    return VOLUME_FACTOR * whole[inner].clip(0, largest)
+
+
+def kernel_share(distances: np.ndarray) -> np.ndarray:
+    """The cubic smoothing kernel at ``distances``, relative to its peak; 1 inside the solid, 0 beyond the support."""
+    q = distances.clip(0, SUPPORT_RADIUS) / SUPPORT_RADIUS
+    return np.where(q <= 0.5, 6 * q**3 - 6 * q**2 + 1, 2 * (1 - q) ** 3)
+
+
+def ball_spectrum(frequency: np.ndarray) -> np.ndarray:
+    """Fourier transform of a ball of the support radius at angular ``frequency`` (rad/m), in m³."""
+    reach = np.maximum(frequency * SUPPORT_RADIUS, 1e-3)
+    return 4 * np.pi * SUPPORT_RADIUS**3 * (np.sin(reach) - reach * np.cos(reach)) / reach**3
