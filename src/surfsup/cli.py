@@ -14,7 +14,7 @@ import typer
 
 from surfsup import __version__
 from surfsup.errors import InputError, SimulationError
-from surfsup.progress import bar, training_line
+from surfsup.progress import bar, paced_bar, training_line
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -48,6 +48,8 @@ NoPage = Annotated[bool, typer.Option("--no-page", help="Leave out page.html.")]
 NoVideo = Annotated[bool, typer.Option("--no-video", help="Leave out video.mp4.")]
 Model = Annotated[str | None, typer.Option(help="A shipped model's name or a .safetensors file.")]
 Device = Annotated[str | None, typer.Option(help="cpu or cuda; a GPU is taken where there is one.")]
+Workers = Annotated[int | None, typer.Option(help="Simulations side by side on this machine; 2 by default.")]
+Scheduler = Annotated[str | None, typer.Option(help="A dask scheduler whose workers do it: tcp://host:port.")]
 Seed = Annotated[int, typer.Option(min=0, help="Where random choices start.")]
 
 
@@ -143,23 +145,41 @@ def reference(
 
 @app.command()
 def generate(
-    recipe: Annotated[str, typer.Argument(help="Which scenes: prim-shapes.")],
+    recipe: Annotated[str, typer.Argument(help="Which scenes.")],
     out: Annotated[Path, typer.Option("-o", "--out", help="Folder of the data set.")],
     n: Annotated[int, typer.Option("-n", help="How many scenes.")],
     seed: Seed = 0,
-    workers: Annotated[int, typer.Option(help="Simulations side by side.")] = 2,
+    frames: Annotated[int | None, typer.Option(min=1, help="Frames of every scene; else as the recipe says.")] = None,
+    source: Annotated[Path | None, typer.Option(help="What the recipe makes surfaces of: meshes, heights.")] = None,
+    workers: Workers = None,
+    scheduler: Scheduler = None,
 ) -> None:
     """Make a data set with the reference solver; started again, it makes what is missing.
 
     Example: surfsup generate prim-shapes -o data/train -n 60 --seed 1
     """
     from surfsup.datasets.generate import generate as make
-    from surfsup.reference import solver
 
-    solver.require()
-    with bar(f"simulating {n} scenes of {recipe}") as tell:
-        paths = make(recipe, out, n, seed, workers, tell)
-    typer.echo(f"{len(paths)} trajectories in {out}")
+    with paced_bar(f"simulating {n} scenes of {recipe}") as tell:
+        paths = make(recipe, out, n, seed, frames, source, workers, scheduler, tell)
+    typer.echo(f"{len(paths)} trajectories in {out}; dataset.yaml there tells of them")
+
+
+@app.command()
+def floor(
+    data: Annotated[Path, typer.Argument(metavar="DIR", help="Folder of the reference solver's trajectories.")],
+    workers: Workers = None,
+    scheduler: Scheduler = None,
+) -> None:
+    """Run the reference three times more for each trajectory, from starts 1 mm away: how near can a model come?
+
+    Example: surfsup floor data/test
+    """
+    from surfsup.datasets.floor import floor as run_again
+
+    with paced_bar(f"running {data} again") as tell:
+        made = run_again(data, workers, scheduler, tell)
+    typer.echo(f"{len(made)} trajectories in {data / 'floor'}")
 
 
 @app.command()

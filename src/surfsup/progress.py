@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from datetime import timedelta
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -24,6 +26,39 @@ def bar(what: str) -> Iterator[Callable[[int, int], None]]:
             progress.add_task(what)
             progress.start()
         progress.update(progress.task_ids[0], completed=done, total=total)
+
+    try:
+        yield tell
+    finally:
+        progress.stop()
+
+
+@contextmanager
+def paced_bar(what: str) -> Iterator[Callable[[int, int, float | None], None]]:
+    """A progress bar whose teller knows the seconds left; they count down until it is told again."""
+    from rich import progress as rich
+    from rich.console import Console
+    from rich.text import Text
+
+    class TimeLeft(rich.ProgressColumn):
+        """The time left as it was told last, less the time since."""
+
+        def render(self, task: rich.Task) -> Text:
+            left = task.fields["left"]
+            if left is None:
+                return Text("", style="progress.remaining")
+            seconds = max(0, round(left - (time.monotonic() - task.fields["told"])))
+            return Text(f"{timedelta(seconds=seconds)} left", style="progress.remaining")
+
+    columns = (rich.BarColumn(), rich.MofNCompleteColumn(), rich.TimeElapsedColumn(), TimeLeft())
+    progress = rich.Progress(rich.TextColumn("{task.description}"), *columns, console=Console(stderr=True))
+
+    def tell(done: int, total: int, seconds_left: float | None) -> None:
+        if not progress.task_ids:
+            progress.add_task(what, left=None, told=0.0)
+            progress.start()
+        told = time.monotonic()
+        progress.update(progress.task_ids[0], completed=done, total=total, left=seconds_left, told=told)
 
     try:
         yield tell

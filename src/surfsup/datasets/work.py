@@ -1,0 +1,260 @@
+"""Many simulations side by side: on this machine's cores, or by the workers of a dask scheduler."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import queue
+import uuid
+import warnings
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from surfsup import __version__
+from surfsup.datasets.folder import token_of
+from surfsup.errors import InputError, SimulationError
+from surfsup.reference import solver
+
+if TYPE_CHECKING:
+    from distributed import Client, Future
+
+WORKERS = 2  # by default
+PATIENCE = 4.0  # seconds that a scheduler may take to answer
+WORKER_PATIENCE = 10.0  # and its workers to appear
+LOOK_EVERY = 1.0  # seconds between looks for workers that were lost
+LOUD_LIBRARIES = ("distributed", "tornado", "asyncio")
+
+
+class LostWorkerWarning(UserWarning):
+    """A worker is gone; what it was doing is done by another."""
+
+
+class Crew:
+    """Workers, each of which runs one simulation a thread.
+
+    Attributes:
+        slots: simulations that run side by side.
+    """
+
+    def __init__(self, client: Client, scheduler: str | None) -> None:
+        """Take ``client``, connected to the ``scheduler`` of the user, or to this process's own for None."""
+        self._client, self._scheduler = client, scheduler
+        self._workers = self._present()
+        self.slots = sum(self._workers.values())
+
+    def _present(self) -> dict[str, int]:
+        """Threads of each worker."""
+        return dict(self._client.nthreads())
+
+    def require(self, folder: Path | None, token: str = "") -> None:
+        """Check that every worker can do its work.
+
+        Args:
+            folder: that all must see under this path; None where they need none.
+            token: that stands in the folder's lock file.
+
+        Raises:
+            InputError: one lacks surfsup, this version of it, the solver or the folder.
+        """
+        found = self._client.run(what_is_missing, folder, token, __version__, on_error="return")
+        for worker, complaint in found.items():
+            if isinstance(complaint, BaseException):
+                complaint = f"cannot run surfsup {__version__} ({' '.join(str(complaint).split())})"
+            if complaint is not None:
+                raise InputError(complaint if self._scheduler is None else f"worker {worker}: {complaint}")
+
+    def submit(self, job: Callable[..., Any], *arguments: object) -> Future:
+        """Have ``job(*arguments)`` done by some worker."""
+        # A key of its own for each: what a run that was killed left with the scheduler is not taken for ours.
+        return self._client.submit(job, *arguments, key=f"{job.__name__}-{uuid.uuid4().hex}", pure=False)
+
+    def finished(self, waiting: Sequence[Future]) -> Iterator[Future]:
+        """Yield each of ``waiting`` as it gets done, in whatever order.
+
+        Raises:
+            SimulationError: the scheduler was lost.
+        """
+        done: queue.SimpleQueue[Future] = queue.SimpleQueue()
+        for future in waiting:
+            future.add_done_callback(done.put)
+        for _ in waiting:
+            while True:
+                try:
+                    future = done.get(timeout=LOOK_EVERY)
+                    break
+                except queue.Empty:
+                    self.look_for_losses()
+            yield future
+
+    def outcome(self, future: Future) -> Any:
+        """The result of a future that is done.
+
+        Raises:
+            SimulationError: the scheduler was lost, or the job took down every worker it was given to.
+            Exception: what the job raised.
+        """
+        from distributed.scheduler import KilledWorker
+
+        if future.cancelled():
+            raise self._lost()
+        try:
+            return future.result()
+        except KilledWorker as error:
+            raise SimulationError(
+                f"{error.allowed_failures + 1} workers were lost one after the other at the same scene; have they "
+                "enough memory?"
+            ) from None
+
+    def look_for_losses(self) -> None:
+        """Warn of each worker that has gone.
+
+        Raises:
+            SimulationError: the scheduler has gone too.
+        """
+        if self._scheduler is None:
+            return
+        try:
+            present = self._present()
+        except Exception:
+            raise self._lost() from None
+        lost = self._workers.keys() - present.keys()
+        left = f"{len(present)} are left" if present else "none is left; waiting for new ones"
+        for worker in sorted(lost):
+            warnings.warn(LostWorkerWarning(f"worker {worker} was lost, others do its work; {left}"), stacklevel=2)
+        self._workers, self.slots = present, sum(present.values())
+
+    def _lost(self) -> SimulationError:
+        return SimulationError(
+            f"the scheduler at {self._scheduler} was lost; what was finished is kept, the same command goes on"
+        )
+
+
+def what_is_missing(folder: Path | None, token: str, version: str) -> str | None:
+    """Asked of a worker: why it cannot do its work, None where it can."""
+    if version != __version__:
+        return f"has surfsup {__version__}, but {version} is wanted"
+    if folder is not None and token_of(folder) != token:
+        return f"does not see {folder}; it must be a folder that all machines share under one path"
+    try:
+        solver.require()
+    except InputError as error:
+        return str(error)
+    return None
+
+
+@contextmanager
+def crew(workers: int | None = None, scheduler: str | None = None) -> Iterator[Crew]:
+    """Workers for as long as they are needed.
+
+    Args:
+        workers: simulations side by side on this machine, each on one core; 2 by default.
+        scheduler: address of a running dask scheduler, whose workers do it instead.
+
+    Raises:
+        InputError: both are given, there are none, nobody answers there, or dask is not installed.
+    """
+    if workers is not None and scheduler is not None:
+        raise InputError("--workers are of this machine, --scheduler has its own: give only one of them")
+    if workers is not None and workers < 1:
+        raise InputError(f"asked for {workers} workers; there must be at least 1")
+    try:
+        from distributed import Client
+    except ModuleNotFoundError:
+        raise InputError("dask, which spreads the work, is not installed: pip install 'surfsup[reference]'") from None
+    with quiet(), connected(workers or WORKERS, scheduler) as address:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of versions that differ; what matters is checked by Crew.require
+            client = Client(address, timeout=PATIENCE, set_as_default=False)
+        try:
+            if scheduler is not None:
+                wait_for_a_worker(client, scheduler)
+            yield Crew(client, scheduler)
+        finally:
+            client.close(timeout=PATIENCE)
+
+
+@contextmanager
+def connected(workers: int, scheduler: str | None) -> Iterator[Any]:
+    """What a client can connect to: the user's scheduler, or a cluster of this process.
+
+    Raises:
+        InputError: no scheduler answers.
+    """
+    if scheduler is not None:
+        check_scheduler(scheduler)
+        yield scheduler
+        return
+    from distributed import LocalCluster
+
+    # Threads will do, since every simulation is a process of its own. They are joined through memory; the status
+    # pages, which dask cannot leave out, are served to this machine only.
+    with LocalCluster(
+        n_workers=1,
+        threads_per_worker=workers,
+        processes=False,
+        memory_limit=0,
+        dashboard_address="127.0.0.1:0",
+        worker_dashboard_address="127.0.0.1:0",
+        scheduler_kwargs={"dashboard": False},
+        silence_logs=False,
+    ) as cluster:
+        yield cluster
+
+
+def check_scheduler(address: str) -> None:
+    """Ask the scheduler at ``address`` for its name.
+
+    Raises:
+        InputError: it does not answer, or something else does.
+    """
+    from distributed.core import rpc
+
+    async def ask() -> dict[str, Any]:
+        connection = rpc(address, timeout=PATIENCE)
+        try:
+            return await connection.identity()
+        finally:
+            await connection.close_rpc()
+
+    async def ask_in_time() -> dict[str, Any]:
+        return await asyncio.wait_for(ask(), PATIENCE + 1)
+
+    try:
+        kind = asyncio.run(ask_in_time()).get("type")
+    except (OSError, TimeoutError):
+        raise InputError(f"no dask scheduler answers at {address}; start one with 'dask scheduler'") from None
+    except Exception as error:
+        raise InputError(
+            f"--scheduler {address}: is not the address of a dask scheduler, such as tcp://127.0.0.1:8786 ({error})"
+        ) from None
+    if kind != "Scheduler":
+        raise InputError(f"--scheduler {address}: is the address of a dask {kind}, not of a scheduler")
+
+
+def wait_for_a_worker(client: Client, scheduler: str) -> None:
+    """Wait until the scheduler has a worker.
+
+    Raises:
+        InputError: none appears in time.
+    """
+    try:
+        client.wait_for_workers(1, timeout=WORKER_PATIENCE)
+    except TimeoutError:
+        raise InputError(f"the scheduler at {scheduler} has no workers; start some: dask worker {scheduler}") from None
+
+
+@contextmanager
+def quiet() -> Iterator[None]:
+    """Keep the log lines of dask to itself: what a user needs to know is told in our own words."""
+    names = [name for name in logging.root.manager.loggerDict if name.split(".")[0] in LOUD_LIBRARIES]
+    loggers = [logging.getLogger(name) for name in {*names, *LOUD_LIBRARIES}]
+    levels = [logger.level for logger in loggers]
+    for logger in loggers:
+        logger.setLevel(logging.CRITICAL + 1)
+    try:
+        yield
+    finally:
+        for logger, level in zip(loggers, levels, strict=True):
+            logger.setLevel(level)
