@@ -95,6 +95,11 @@ def test_an_unknown_key_of_several_lines_still_makes_one_line():
         ),
         (WATER + "surface: {sphere: {radius: 1}, rotate: {axis: [0, 0, 1]}}", "surface.rotate.degrees"),
         (WATER + "surface: {mesh: {file: a.obj, up: x}}", "surface.mesh.up"),
+        (
+            WATER + "surface: {bowl: {capture_radius: 0.2, filter_radius: 0.2}}",
+            "surface.bowl: filter_radius 0.2 must be smaller than capture_radius 0.2",
+        ),
+        (WATER + "surface: {funnel: {capture_radius: 0.2, filter_radius: 0}}", "surface.funnel.filter_radius"),
         (WATER + "surface: {union: []}", "surface.union"),
         (
             WATER + "surface: {union: [{sphere: {radius: 1}}, {sphere: {radius: 0}}]}",

@@ -27,6 +27,9 @@ def assert_same_distance(one: sdf.Surface, other: sdf.Surface) -> None:
         ("{cone: {height: 0.5, bottom_radius: 0.3}}", sdf.CappedCone(0.5, 0.3, 0.01)),
         ("{cone: {height: 0.5, bottom_radius: 0.3, top_radius: 0.1}}", sdf.CappedCone(0.5, 0.3, 0.1)),
         ("{torus: {major_radius: 0.3, minor_radius: 0.1}}", sdf.Torus(0.3, 0.1)),
+        ("{bowl: {capture_radius: 0.3}}", sdf.Bowl(0.3, 0.0, 0.04)),
+        ("{bowl: {capture_radius: 0.3, filter_radius: 0.1, wall: 0.05}}", sdf.Bowl(0.3, 0.1, 0.05)),
+        ("{funnel: {capture_radius: 0.3, filter_radius: 0.1}}", sdf.Funnel(0.3, 0.1, 0.25, 0.1, 0.04)),
     ],
 )
 def test_every_kind_is_the_surface_of_that_name(text, by_hand):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated
 
@@ -75,6 +76,41 @@ class TorusShape(Description):
         return sdf.Torus(self.major_radius, self.minor_radius)
 
 
+class BowlShape(Description):
+    """A hollow hemisphere that hangs from the centre of its mouth, in metres; a ``filter_radius`` of 0 closes it."""
+
+    capture_radius: Length
+    filter_radius: Annotated[float, Field(ge=0, allow_inf_nan=False)] = 0.0
+    wall: Length = sdf.WALL
+
+    @model_validator(mode="after")
+    def something_is_left(self) -> BowlShape:
+        """A hole as wide as the mouth leaves no bowl."""
+        if self.filter_radius >= self.capture_radius:
+            raise ValueError(
+                f"filter_radius {self.filter_radius:.4g} must be smaller than capture_radius {self.capture_radius:.4g}"
+            )
+        return self
+
+    def surface(self, folder: Path = Path()) -> sdf.Surface:
+        """The signed distance; ``folder`` is where relative file names start."""
+        return sdf.Bowl(self.capture_radius, self.filter_radius, self.wall)
+
+
+class FunnelShape(Description):
+    """A cone that narrows into a spout and hangs from the centre of its mouth, in metres."""
+
+    capture_radius: Length
+    filter_radius: Length
+    height: Length = 0.25
+    spout: Length = 0.1
+    wall: Length = sdf.WALL
+
+    def surface(self, folder: Path = Path()) -> sdf.Surface:
+        """The signed distance; ``folder`` is where relative file names start."""
+        return sdf.Funnel(self.capture_radius, self.filter_radius, self.height, self.spout, self.wall)
+
+
 class MeshShape(Description):
     """The triangles of ``file``; ``fit`` is the largest extent in metres, left out: as the file has it.
 
@@ -115,6 +151,8 @@ class Shape(Description):
     cylinder: CylinderShape | None = None
     cone: ConeShape | None = None
     torus: TorusShape | None = None
+    bowl: BowlShape | None = None
+    funnel: FunnelShape | None = None
     mesh: MeshShape | None = None
     union: list[Shape] | None = Field(default=None, min_length=1)
     intersection: list[Shape] | None = Field(default=None, min_length=1)
@@ -160,17 +198,17 @@ class Shape(Description):
                 return combine(*(part.surface(folder) for part in parts))
         return getattr(self, self.kind).surface(folder)
 
-    def with_files_from(self, folder: Path) -> Shape:
-        """The same shape with every mesh file's path made absolute from ``folder``."""
-        changes: dict[str, object] = {}
-        if self.mesh is not None:
-            changes["mesh"] = self.mesh.model_copy(update={"file": (folder / self.mesh.file).resolve()})
-        for kind in COMBINATIONS:
-            parts: list[Shape] | None = getattr(self, kind)
-            if parts is not None:
-                changes[kind] = [part.with_files_from(folder) for part in parts]
-        return self.model_copy(update=changes)
+    def with_files(self, rename: Callable[[Path], Path]) -> Shape:
+        """The same shape, the name of every file in it replaced by what ``rename`` makes of it."""
+        own = getattr(self, self.kind)
+        if self.kind in COMBINATIONS:
+            changed = [part.with_files(rename) for part in own]
+        elif "file" in type(own).model_fields:
+            changed = own.model_copy(update={"file": rename(own.file)})
+        else:
+            return self
+        return self.model_copy(update={self.kind: changed})
 
 
 COMBINATIONS = {"union": sdf.Union, "intersection": sdf.Intersection, "difference": sdf.Difference}
-KINDS = ("sphere", "box", "cylinder", "cone", "torus", "mesh", *COMBINATIONS)
+KINDS = ("sphere", "box", "cylinder", "cone", "torus", "bowl", "funnel", "mesh", *COMBINATIONS)

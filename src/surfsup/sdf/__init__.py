@@ -7,12 +7,16 @@ from surfsup.sdf.polygonise import polygonise
 from surfsup.sdf.primitives import Box, CappedCone, Cylinder, Sphere, Torus
 from surfsup.sdf.surface import Surface
 from surfsup.sdf.transform import Transformed, axis_rotation
+from surfsup.sdf.vessels import WALL, Bowl, Funnel
 
 __all__ = [
+    "WALL",
+    "Bowl",
     "Box",
     "CappedCone",
     "Cylinder",
     "Difference",
+    "Funnel",
     "Intersection",
     "MeshSurface",
     "MeshWarning",

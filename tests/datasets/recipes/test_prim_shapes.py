@@ -1,38 +1,14 @@
+"""Prim-Shapes is the data set of section 5.1 of the supplement."""
+
 import numpy as np
 import pytest
 
-from surfsup.datasets.recipes import prim_shapes
-from surfsup.datasets.generate import recipe_scene
-from surfsup.errors import InputError
-from surfsup.sdf import polygonise
+from surfsup.datasets.recipes import RECIPES, prim_shapes
+from surfsup.datasets.recipes.support import extent
+from tests.datasets.recipes.drawn import assert_sound, draw, scenes
 
-SCENES = [recipe_scene("prim-shapes", 3, index) for index in range(25)]
+SCENES = scenes("prim-shapes", 40)
 KINDS = ["sphere", "box", "cylinder", "cone", "torus"]
-# A turned box stands on a corner, which the coarse mesh that its extent is read from cuts off.
-CORNER = 0.02
-
-
-def test_the_same_seed_and_number_is_the_same_scene():
-    assert recipe_scene("prim-shapes", 3, 7) == SCENES[7]
-    assert recipe_scene("prim-shapes", 3, 2).to_yaml() == SCENES[2].to_yaml()
-
-
-def test_another_seed_number_or_attempt_is_another_scene():
-    others = [
-        ("prim-shapes", 4, 7),
-        ("prim-shapes", 3, 12),
-        ("prim-shapes", 3, 7, 1),
-        ("prim-shapes", 3, 7, 2),
-    ]
-    texts = {recipe_scene(*arguments).to_yaml() for arguments in others} | {SCENES[7].to_yaml()}
-    assert len(texts) == 5
-
-
-def test_an_unknown_recipe_or_a_negative_seed_is_one_line():
-    with pytest.raises(InputError, match=r"no recipe 'prim'; known are prim-shapes"):
-        recipe_scene("prim", 0, 0)
-    with pytest.raises(InputError, match="seed is -1"):
-        recipe_scene("prim-shapes", -1, 0)
 
 
 def test_the_five_shapes_take_turns():
@@ -40,8 +16,8 @@ def test_the_five_shapes_take_turns():
 
 
 def test_sizes_are_in_the_supplements_ranges():
-    for draw in range(200):
-        random = np.random.default_rng(draw)
+    for seed in range(200):
+        random = np.random.default_rng(seed)
         sphere, box, cylinder, cone, torus = (next(iter(shape(random).values())) for shape in prim_shapes.SHAPES)
         assert 0.25 <= sphere.radius <= 0.5
         assert all(0.4 <= side <= 0.7 for side in box.size)
@@ -54,33 +30,45 @@ def test_sizes_are_in_the_supplements_ranges():
         assert torus.major_radius / 4 <= torus.minor_radius <= 3 * torus.major_radius / 4
 
 
-@pytest.mark.parametrize("index", range(25))
+@pytest.mark.parametrize("index", range(len(SCENES)))
 def test_the_shape_stands_on_the_floor_between_the_walls_and_the_water_is_above(index):
     scene = SCENES[index]
-    lower, upper = polygonise(scene.build_surface(), 100).bounds
-    assert -CORNER < lower[2] <= 1e-3
+    lower, upper = extent(scene.surface)
+    assert lower[2] == pytest.approx(0, abs=1e-9)
     for axis in (0, 1):
-        if upper[axis] - lower[axis] <= 1 - CORNER:
-            assert lower[axis] > -0.5 - CORNER
-            assert upper[axis] < 0.5 + CORNER
+        if upper[axis] - lower[axis] <= 1:
+            assert lower[axis] >= -0.5 - 1e-9
+            assert upper[axis] <= 0.5 + 1e-9
         else:  # too wide: in the middle
-            assert abs(lower[axis] + upper[axis]) < 2 * CORNER
+            assert lower[axis] + upper[axis] == pytest.approx(0, abs=1e-9)
     block = scene.fluid[0].block
     sides = np.subtract(block.max, block.min)
     assert (sides >= 0.4 - 1e-9).all()
     assert (sides <= 0.5 + 1e-9).all()
-    assert (np.array(block.min) >= scene.container.lower).all()
-    assert (np.array(block.max) <= scene.container.upper).all()
     gap = block.min[2] - upper[2]
-    assert gap > 0.05 - CORNER
-    assert gap < 0.65 + CORNER
+    assert gap >= 0.05 - 1e-9
+    assert gap <= 0.65 + 1e-9
 
 
-@pytest.mark.parametrize("index", range(5))
-def test_no_particle_is_left_out_and_there_are_as_many_as_the_supplement_says(index):
-    start = SCENES[index].start(SCENES[index].build_surface())
-    assert start.left_out == 0
-    assert 12**3 <= len(start.positions) <= 15**3
+@pytest.mark.parametrize(
+    "index", [i for i in range(len(SCENES)) if np.ptp(extent(SCENES[i].surface), axis=0).max() < 1]
+)
+def test_every_scene_is_sound(index):
+    assert_sound(SCENES[index], particles=(12**3, 15**3))
+
+
+def test_the_shapes_stand_all_over_the_floor_and_are_turned_every_way():
+    places = np.array([scene.surface.at for scene in SCENES])
+    assert (places.std(axis=0)[:2] > 0.05).all()
+    axes = np.array([scene.surface.rotate.axis for scene in SCENES])
+    assert (axes.std(axis=0) > 0.4).all()
+
+
+def test_the_same_number_and_random_state_is_the_same_scene_and_others_are_others():
+    recipe = RECIPES["prim-shapes"](".")
+    assert draw(recipe, 7) == SCENES[7]
+    others = [draw(recipe, 7, seed=4), draw(recipe, 12), draw(recipe, 7, attempt=1), draw(recipe, 7, attempt=2)]
+    assert len({scene.to_yaml() for scene in [*others, SCENES[7]]}) == 5
 
 
 @pytest.mark.parametrize(

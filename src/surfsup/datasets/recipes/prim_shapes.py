@@ -13,15 +13,10 @@ import numpy as np
 from scipy.spatial.transform import Rotation as ScipyRotation
 
 from surfsup.datasets.recipes.recipe import Recipe
-from surfsup.scene import SPACING, Block, Container, Fluid, Scene, Shape
+from surfsup.datasets.recipes.support import extent
+from surfsup.datasets.recipes.water import Random, block_above
+from surfsup.scene import Container, Scene, Shape
 from surfsup.scene.shapes import BoxShape, ConeShape, CylinderShape, Rotation, SphereShape, TorusShape
-from surfsup.sdf import polygonise
-
-BLOCK_SIDE = (0.4, 0.5)
-FALL_GAP = (0.05, 0.65)
-EXTENT_RESOLUTION = 48  # cells of the mesh from which a turned shape's extent is read
-
-Random = np.random.Generator
 
 
 def sphere(random: Random) -> dict[str, object]:
@@ -61,25 +56,19 @@ class PrimShapes(Recipe):
     def scene(self, index: int, random: Random) -> Scene:
         """Scene number ``index``: the five shapes take turns, all else is drawn from ``random``."""
         container = Container()
-        kind = SHAPES[index % len(SHAPES)](random)
-        turn = ScipyRotation.random(random_state=random).as_rotvec(degrees=True)
-        degrees = float(np.linalg.norm(turn))
-        rotation = Rotation(axis=tuple(turn / degrees), degrees=degrees)
-
-        lower, upper = polygonise(Shape(**kind, rotate=rotation).surface(), EXTENT_RESOLUTION).bounds
+        shape = turned(SHAPES[index % len(SHAPES)](random), random)
+        lower, upper = extent(shape)
         place = [random.uniform(*room(lower[axis], upper[axis], container.size[axis])) for axis in (0, 1)]
-        shape = Shape(**kind, rotate=rotation, at=(*place, -float(lower[2])))
+        shape = shape.model_copy(update={"at": (*place, -float(lower[2]))})
+        water = block_above(np.array(place), float(upper[2] - lower[2]), container, random)
+        return Scene(container=container, surface=shape, fluid=water)
 
-        sides = random.uniform(*BLOCK_SIDE, size=3)
-        top = float(upper[2] - lower[2])
-        bottom = min(top + random.uniform(*FALL_GAP), container.size[2] - SPACING - sides[2])
-        middle = [
-            np.clip(at, low + side / 2, high - side / 2)
-            for at, side, low, high in zip(place, sides, container.lower, container.upper, strict=False)
-        ]
-        corner = np.array([middle[0] - sides[0] / 2, middle[1] - sides[1] / 2, bottom])
-        block = Block(min=tuple(corner.tolist()), max=tuple((corner + sides).tolist()))
-        return Scene(container=container, surface=shape, fluid=[Fluid(block=block)])
+
+def turned(kind: dict[str, object], random: Random) -> Shape:
+    """The primitive in a random orientation, all orientations being as likely."""
+    turn = ScipyRotation.random(random_state=random).as_rotvec(degrees=True)
+    degrees = float(np.linalg.norm(turn))
+    return Shape(**kind, rotate=Rotation(axis=tuple((turn / degrees).tolist()), degrees=degrees))
 
 
 def room(lower: float, upper: float, width: float) -> tuple[float, float]:

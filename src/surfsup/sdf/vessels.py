@@ -1,0 +1,128 @@
+"""Two hollow solids with a wall, the bowl and the funnel, each hanging from the centre of its mouth.
+
+They are what the design tasks of section 7 of the SURFSUP supplement shape by gradient: the capture radius r1 is
+that of the mouth, the filter radius r2 that of the hole below, both as wide as the water finds them. Each is a curve
+in the (radial, axial) half plane, thickened by half a wall to either side and revolved about z. Outside the distance
+is exact, inside the wall it is a bound. Sizes are metres, numbers or tensors that record gradients.
+"""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor
+
+from surfsup.errors import InputError
+from surfsup.sdf.primitives import length, positive
+from surfsup.sdf.surface import Surface
+
+WALL = 0.04  # metres: with what particles keep on either side, more than the 0.07 m that the fastest move in a frame
+
+
+class Bowl(Surface):
+    """A hemisphere open above, ``capture_radius`` wide inside, with a round hole of ``filter_radius`` at the bottom.
+
+    A filter radius of zero closes the bowl.
+    """
+
+    def __init__(
+        self, capture_radius: float | Tensor, filter_radius: float | Tensor = 0.0, wall: float | Tensor = WALL
+    ) -> None:
+        super().__init__()
+        self.register_buffer("capture_radius", positive("bowl", "capture_radius", capture_radius))
+        self.register_buffer("filter_radius", hole("bowl", filter_radius, self.capture_radius))
+        self.register_buffer("wall", positive("bowl", "wall", wall))
+
+    def distance(self, points: Tensor) -> Tensor:
+        """Signed distance (N,), exact outside, a bound inside.
+
+        Where the closed bowl's nearest point is still there, so is its distance. Where the hole has taken that
+        point away, the nearest is on the face of the hole or on the rim.
+        """
+        radial, axial = length(points[:, :2]), points[:, 2]
+        middle = self.capture_radius + self.wall / 2
+        from_centre = length(points)
+        to_rim = length(torch.stack([radial - middle, axial], dim=-1)) - self.wall / 2
+        to_closed = torch.where(axial > 0, to_rim, (from_centre - middle).abs() - self.wall / 2)
+
+        with torch.no_grad():
+            nearest = from_centre.clamp(self.capture_radius, self.capture_radius + self.wall)
+            radial_of_nearest = radial * nearest / from_centre.clamp(min=torch.finfo(points.dtype).tiny)
+            taken_away = (axial <= 0) & (radial_of_nearest < self.filter_radius)
+        below, above = self.hole_ends()
+        beside = axial - torch.minimum(torch.maximum(axial, below), above)
+        to_hole = length(torch.stack([self.filter_radius - radial, beside], dim=-1))
+        # A hole of no width has no face: the axis is then like any other place in the wall.
+        beside_hole = torch.where(self.filter_radius > 0, self.filter_radius - radial, -self.wall)
+        return torch.where(taken_away, torch.minimum(to_hole, to_rim), torch.maximum(to_closed, beside_hole))
+
+    def hole_ends(self) -> tuple[Tensor, Tensor]:
+        """At what heights below the mouth the hole's face ends, on the outer and on the inner side."""
+        outer = self.capture_radius + self.wall
+        return (
+            -(outer.square() - self.filter_radius.square()).sqrt(),
+            -(self.capture_radius.square() - self.filter_radius.square()).sqrt(),
+        )
+
+    def bounds(self) -> Tensor:
+        """The box around the bowl (2, 3)."""
+        outer = self.capture_radius + self.wall
+        lowest, _ = self.hole_ends()
+        return torch.stack([torch.stack([-outer, -outer, lowest]), torch.stack([outer, outer, self.wall / 2])])
+
+
+class Funnel(Surface):
+    """A cone that narrows over ``height`` from ``capture_radius`` to ``filter_radius``, then a straight ``spout``."""
+
+    def __init__(
+        self,
+        capture_radius: float | Tensor,
+        filter_radius: float | Tensor,
+        height: float | Tensor = 0.25,
+        spout: float | Tensor = 0.1,
+        wall: float | Tensor = WALL,
+    ) -> None:
+        super().__init__()
+        self.register_buffer("capture_radius", positive("funnel", "capture_radius", capture_radius))
+        self.register_buffer("filter_radius", positive("funnel", "filter_radius", filter_radius))
+        self.register_buffer("height", positive("funnel", "height", height))
+        self.register_buffer("spout", positive("funnel", "spout", spout))
+        self.register_buffer("wall", positive("funnel", "wall", wall))
+
+    def distance(self, points: Tensor) -> Tensor:
+        """Signed distance (N,), exact outside, a bound inside."""
+        place = torch.stack([length(points[:, :2]), points[:, 2]], dim=-1)
+        rim = torch.stack([self.capture_radius + self.wall / 2, torch.zeros_like(self.height)])
+        neck = torch.stack([self.filter_radius + self.wall / 2, -self.height])
+        outlet = torch.stack([self.filter_radius + self.wall / 2, -self.height - self.spout])
+        cone, spout = to_segment(place, rim, neck), to_segment(place, neck, outlet)
+        return torch.minimum(cone, spout) - self.wall / 2
+
+    def bounds(self) -> Tensor:
+        """The box around the funnel (2, 3)."""
+        outer = torch.maximum(self.capture_radius, self.filter_radius) + self.wall
+        lowest = -self.height - self.spout - self.wall / 2
+        return torch.stack([torch.stack([-outer, -outer, lowest]), torch.stack([outer, outer, self.wall / 2])])
+
+
+def to_segment(points: Tensor, start: Tensor, end: Tensor) -> Tensor:
+    """How far (N,) points (N, 2) are from the straight line between two points (2,)."""
+    start, along = start.to(points.dtype), (end - start).to(points.dtype)
+    share = ((points - start) @ along / along.square().sum()).clamp(0, 1)
+    return length(points - start - share[:, None] * along)
+
+
+def hole(shape_name: str, radius: float | Tensor, mouth: Tensor) -> Tensor:
+    """``radius`` as a float tensor, at least zero and smaller than the ``mouth``.
+
+    Raises:
+        InputError: naming the shape when it is not.
+    """
+    if isinstance(radius, int | float | Tensor) and torch.as_tensor(radius).numel() == 1 and radius == 0:
+        return torch.as_tensor(radius, dtype=mouth.dtype)
+    tensor = positive(shape_name, "filter_radius", radius)
+    if not bool(tensor.detach() < mouth.detach()):
+        raise InputError(
+            f"{shape_name}: filter_radius is {float(tensor.detach()):.4g} m, but must be smaller than the "
+            f"capture_radius of {float(mouth.detach()):.4g} m, or nothing is left of it"
+        )
+    return tensor
