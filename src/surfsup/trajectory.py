@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import os
 import shutil
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
@@ -152,6 +153,10 @@ class TrajectoryWriter:
         self._particles = particles
         self._written = 0
         self._waiting: list[np.ndarray] = []
+
+    def note(self, topic: str, values: Mapping[str, object]) -> None:
+        """Keep ``values`` (numbers, texts, arrays) in the file as attributes of a group named ``topic``."""
+        self._file.create_group(topic).attrs.update(values)
 
     def append(self, positions: np.ndarray, velocities: np.ndarray) -> None:
         """Add one frame: positions (N, 3) in metres and velocities (N, 3) in m/s; both are copied.
