@@ -1,57 +1,41 @@
-import importlib.util
+import os
+import signal
+import subprocess
+import sys
+import time
 
-import numpy as np
 import pytest
-import torch
 import yaml
 
-from surfsup.datasets import generate as generation
-from surfsup.datasets.generate import energy_gained, generate, what_is_wrong
-from surfsup.errors import InputError
-from surfsup.reference.solver import NAME, SolverError
-from surfsup.scene import Scene
-from surfsup.trajectory import Provenance, Trajectory, TrajectoryWriter
+from surfsup.datasets.drawing import Drawing
+from surfsup.datasets.folder import locked
+from surfsup.datasets.generate import generate
+from surfsup.datasets.made import Made
+from surfsup.errors import InputError, SimulationError
+from surfsup.reference.solver import NAME
+from surfsup.trajectory import Trajectory
+from tests.datasets.conftest import needs_solver
 
-needs_solver = pytest.mark.skipif(
-    importlib.util.find_spec("pysplishsplash") is None, reason="the reference solver is not installed"
-)
-
-
-def tiny(index: int, random: np.random.Generator) -> Scene:
-    """Eight particles in a container whose map takes half a second; the height is drawn."""
-    bottom = random.uniform(0.1, 0.25)
-    return Scene.from_yaml(
-        "container: {size: [0.4, 0.4, 0.4]}\nframes: 6\n"
-        f"fluid: [{{block: {{min: [0, 0, {bottom}], max: [0.1, 0.1, {bottom + 0.1}]}}}}]",
-        "tiny",
-    )
-
-
-@pytest.fixture(scope="module")
-def cache(tmp_path_factory):
-    return tmp_path_factory.mktemp("cache")
-
-
-@pytest.fixture(autouse=True)
-def tiny_recipe(monkeypatch, cache):
-    monkeypatch.setitem(generation.RECIPES, "tiny", tiny)
-    monkeypatch.setenv("XDG_CACHE_HOME", str(cache))
+pytestmark = pytest.mark.usefixtures("tiny_recipes")
 
 
 @needs_solver
 def test_a_data_set_is_one_trajectory_a_scene_and_says_what_it_is(tmp_path):
     told = []
     folder = tmp_path / "new" / "data"
-    paths = generate("tiny", folder, 3, seed=5, workers=2, progress=lambda *progress: told.append(progress))
+    paths = generate("tiny", folder, 3, seed=5, progress=lambda done, count, left: told.append((done, count)))
     assert [path.name for path in paths] == ["00000.h5", "00001.h5", "00002.h5"]
-    assert {path.name for path in folder.iterdir()} == {"dataset.yaml", *(path.name for path in paths)}
-    assert told == [(1, 3), (2, 3), (3, 3)]
+    assert {path.name for path in folder.iterdir()} == {".lock", "dataset.yaml", *(path.name for path in paths)}
+    assert told == [(0, 3), (1, 3), (2, 3), (3, 3)]
     said = yaml.safe_load((folder / "dataset.yaml").read_text())
-    assert (said["recipe"], said["seed"], said["solver"]) == ("tiny", 5, NAME)
+    assert (said["recipe"], said["seed"], said["versions"]["solver"]) == ("tiny", 5, [NAME])
+    assert (said["scenes"], said["frames_in_all"], said["set_aside"]) == (3, 18, [])
+    assert said["particles"] == {"fewest": 8, "most": 8, "in_all": 24}
+    assert said["statistics"]["samples"] == 3 * 5 * 8
     for index, path in enumerate(paths):
         with Trajectory(path) as trajectory:
             assert len(trajectory) == 6
-            assert trajectory.scene.to_yaml() == generation.recipe_scene("tiny", 5, index).to_yaml()
+            assert trajectory.scene.to_yaml() == Drawing("tiny", 5).scene(index).to_yaml()
             assert trajectory.provenance.model == NAME
             assert trajectory.provenance.seed == 5
 
@@ -60,67 +44,69 @@ def test_a_data_set_is_one_trajectory_a_scene_and_says_what_it_is(tmp_path):
 def test_what_is_there_is_kept_and_what_is_missing_is_made_again_to_the_byte(tmp_path):
     paths = generate("tiny", tmp_path, 3, seed=5, workers=1)
     before = {path: (path.read_bytes(), path.stat().st_mtime_ns) for path in paths}
+    description = (tmp_path / "dataset.yaml").read_text()
     paths[1].unlink()
-    generate("tiny", tmp_path, 3, seed=5, workers=1)
+    generate("tiny", tmp_path, 3, seed=5, workers=2)
     assert {path: path.read_bytes() for path in paths} == {path: data for path, (data, _) in before.items()}
     assert [path.stat().st_mtime_ns == before[path][1] for path in paths] == [True, False, True]
+    assert (tmp_path / "dataset.yaml").read_text() == description
 
 
 @needs_solver
-def test_more_scenes_can_be_added_later(tmp_path):
-    generate("tiny", tmp_path, 1, seed=5, workers=1)
+def test_more_scenes_can_be_added_later_and_fewer_asked_for_lose_none(tmp_path):
+    generate("tiny", tmp_path, 1, seed=5)
     told = []
-    generate("tiny", tmp_path, 2, seed=5, workers=1, progress=lambda *progress: told.append(progress))
-    assert told == [(2, 2)]
-
-
-def test_a_folder_of_another_recipe_or_seed_is_refused(tmp_path):
-    (tmp_path / "dataset.yaml").write_text("recipe: prim-shapes\nseed: 5\n")
-    for recipe, seed in (("tiny", 5), ("prim-shapes", 6)):
-        with pytest.raises(InputError, match="holds recipe 'prim-shapes' of seed 5; take another folder"):
-            generate(recipe, tmp_path, 1, seed=seed, workers=1)
-
-
-@pytest.mark.parametrize("text", ["", "just words", "recipe: [", "- 1"])
-def test_a_folder_that_does_not_say_what_it_holds_is_refused(tmp_path, text):
-    (tmp_path / "dataset.yaml").write_text(text)
-    with pytest.raises(InputError) as error:
-        generate("tiny", tmp_path, 1, seed=0, workers=1)
-    assert "\n" not in str(error.value)
-
-
-@pytest.mark.parametrize(("count", "workers"), [(0, 1), (1, 0), (-1, 1)])
-def test_nothing_to_make_is_refused(tmp_path, count, workers):
-    with pytest.raises(InputError, match="must be at least 1"):
-        generate("tiny", tmp_path, count, seed=0, workers=workers)
+    generate("tiny", tmp_path, 2, seed=5, progress=lambda *progress: told.append(progress[:2]))
+    assert told == [(1, 2), (2, 2)]
+    assert len(generate("tiny", tmp_path, 1, seed=5)) == 1
+    assert yaml.safe_load((tmp_path / "dataset.yaml").read_text())["scenes"] == 2
 
 
 @needs_solver
-def test_a_scene_set_aside_is_replaced_and_its_reason_kept(tmp_path, monkeypatch):
-    reasons = iter(["a particle left the container", "a particle was 1 m inside the solid", None])
-    monkeypatch.setattr(generation, "what_is_wrong", lambda path: next(reasons))
-    (path,) = generate("tiny", tmp_path, 1, seed=5, workers=1)
-    assert (tmp_path / "00000.set-aside.txt").read_text().splitlines() == [
-        "a particle left the container",
-        "a particle was 1 m inside the solid",
-    ]
+def test_the_number_of_frames_can_be_asked_for_and_then_stays(tmp_path):
+    (path,) = generate("tiny", tmp_path, 1, frames=3)
     with Trajectory(path) as trajectory:
-        assert trajectory.scene.to_yaml() == generation.recipe_scene("tiny", 5, 0, attempt=2).to_yaml()
-    assert not list(tmp_path.glob("*.partial"))
+        assert len(trajectory) == 3
+    assert yaml.safe_load((tmp_path / "dataset.yaml").read_text())["frames"] == 3
+    with pytest.raises(InputError, match=r"holds recipe 'tiny' of seed 0, 3 frames; take another folder for"):
+        generate("tiny", tmp_path, 1)
 
 
 @needs_solver
-def test_too_many_scenes_set_aside_in_a_row_is_an_error(tmp_path, monkeypatch):
-    monkeypatch.setattr(generation, "what_is_wrong", lambda path: "it is wrong")
-    with pytest.raises(SolverError, match="5 scenes in a row were set aside, the last because it is wrong"):
-        generate("tiny", tmp_path, 1, seed=5, workers=1)
-    assert not list(tmp_path.glob("*.h5")) + list(tmp_path.glob("*.partial"))
+def test_a_scene_that_is_not_physical_is_replaced_by_the_next_and_its_reason_kept(tmp_path):
+    def gravity(seed: int, attempt: int) -> float:
+        return Drawing("mixed", seed).scene(0, attempt).gravity[2]
+
+    seed = next(seed for seed in range(100) if [gravity(seed, attempt) for attempt in range(3)] == [-1e6, -1e6, -9.81])
+    (path,) = generate("mixed", tmp_path, 1, seed=seed)
+    with Trajectory(path) as trajectory:
+        assert trajectory.scene.to_yaml() == Drawing("mixed", seed).scene(0, attempt=2).to_yaml()
+    assert Made.read(path).set_aside == ["a particle left the container"] * 2
+    assert yaml.safe_load((tmp_path / "dataset.yaml").read_text())["set_aside"] == [
+        {"scene": 0, "attempt": attempt, "reason": "a particle left the container"} for attempt in range(2)
+    ]
+    assert not list(tmp_path.glob(".*.partial"))
+
+
+@needs_solver
+def test_an_index_without_any_sound_scene_is_an_error_and_the_others_are_made(tmp_path):
+    with pytest.raises(SimulationError, match="scene 1: 5 in a row were set aside, the last because a particle left"):
+        seed = next(
+            seed
+            for seed in range(1000)
+            if all(Drawing("mixed", seed).scene(1, attempt).gravity[2] == -1e6 for attempt in range(5))
+            and Drawing("mixed", seed).scene(0).gravity[2] == -9.81
+        )
+        generate("mixed", tmp_path, 2, seed=seed)
+    assert [path.name for path in tmp_path.glob("*.h5")] == ["00000.h5"]
+    assert yaml.safe_load((tmp_path / "dataset.yaml").read_text())["scenes"] == 1
 
 
 @needs_solver
 def test_an_interrupt_leaves_only_whole_trajectories(tmp_path):
-    def interrupt(done: int, count: int) -> None:
-        raise KeyboardInterrupt
+    def interrupt(done: int, count: int, left: float | None) -> None:
+        if done == 1:
+            raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
         generate("tiny", tmp_path, 6, seed=5, workers=1, progress=interrupt)
@@ -129,64 +115,155 @@ def test_an_interrupt_leaves_only_whole_trajectories(tmp_path):
     for path in made:
         with Trajectory(path) as trajectory:
             assert len(trajectory) == 6
-    assert len(generate("tiny", tmp_path, 6, seed=5, workers=2)) == 6
+    assert len(generate("tiny", tmp_path, 6, seed=5)) == 6
 
 
-def trajectory_of(path, change) -> None:
-    scene = Scene.from_yaml(
-        "surface: {sphere: {radius: 0.3}, at: [0, 0, 0.3]}\nfluid: [{block: {min: [0, 0, 1.0], max: [0.1, 0.1, 1.1]}}]",
-        "test",
-    )
-    start = scene.start(None)
-    with TrajectoryWriter(path, scene, Provenance("test"), len(start.positions)) as writer:
-        for frame in range(5):
-            positions, velocities = start.positions.copy(), start.particle_velocities.copy()
-            if frame == 3:
-                change(positions, velocities)
-            writer.append(positions, velocities)
+@pytest.fixture(scope="module")
+def undisturbed(tmp_path_factory):
+    """Scenes of a recipe that other processes know too."""
+    folder = tmp_path_factory.mktemp("undisturbed")
+    generate("prim-shapes", folder, 4, seed=9, frames=4)
+    return {path.name: path.read_bytes() for path in folder.iterdir() if path.name != ".lock"}
+
+
+def surfsup_generate(folder, *options):
+    command = [sys.executable, "-m", "surfsup.cli", "generate", "prim-shapes", "-o", folder, "--seed", "9", *options]
+    return subprocess.Popen([*map(str, command), "-n", "4", "--frames", "4"], stderr=subprocess.PIPE, text=True)
+
+
+@needs_solver
+def test_killed_at_any_moment_and_started_again_it_gives_the_same_bytes(tmp_path, undisturbed):
+    def work_in_progress() -> list[str]:
+        return [name for name in os.listdir(tmp_path) if name.endswith((".h5", ".partial"))]
+
+    killed = 0
+    while True:
+        running = surfsup_generate(tmp_path)
+        seen = set(work_in_progress())
+        # Killed as soon as something new is being written: in the middle of a file.
+        while running.poll() is None and (killed == 2 or set(work_in_progress()) <= seen):
+            time.sleep(0.005)
+        running.kill()
+        _, said = running.communicate()
+        if running.returncode != -signal.SIGKILL:
+            break
+        killed += 1
+    assert (running.returncode, killed) == (0, 2), said
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir() if path.name != ".lock"} == undisturbed
+
+
+def start_dask(role: str, *options: str) -> subprocess.Popen:
+    """A scheduler or a worker as a process, which is how a user's cluster has them."""
+    command = [sys.executable, "-m", f"distributed.cli.dask_{role}", "--no-dashboard", *options]
+    return subprocess.Popen(command, stderr=subprocess.DEVNULL)
+
+
+@pytest.fixture
+def scheduler(tmp_path_factory):
+    """The address of a scheduler, and its two workers."""
+    folder = tmp_path_factory.mktemp("dask")
+    told = folder / "scheduler.json"
+    running = [start_dask("scheduler", "--host", "127.0.0.1", "--port", "0", "--scheduler-file", str(told))]
+    try:
+        deadline = time.monotonic() + 30
+        while not told.exists() and time.monotonic() < deadline:
+            time.sleep(0.05)
+        address = yaml.safe_load(told.read_text())["address"]
+        own = ["--no-nanny", "--nthreads", "1", "--local-directory", str(folder)]
+        running += [start_dask("worker", address, *own) for _ in range(2)]
+        from distributed import Client
+
+        with Client(address) as client:
+            client.wait_for_workers(2, timeout=30)
+        yield address, running[1:]
+    finally:
+        for process in reversed(running):
+            process.kill()
+            process.wait()
+
+
+@needs_solver
+def test_a_worker_of_a_real_cluster_is_killed_and_another_does_its_work(tmp_path, undisturbed, scheduler):
+    address, workers = scheduler
+    running = surfsup_generate(tmp_path / "data", "--scheduler", address)
+    while running.poll() is None and len(list((tmp_path / "data").glob(".*.partial"))) < 2:
+        time.sleep(0.01)
+    workers[0].kill()
+    _, said = running.communicate()
+    assert running.returncode == 0, said
+    warning, *progress = said.strip().splitlines()
+    assert warning.startswith("surfsup: warning: worker tcp://127.0.0.1:")
+    assert warning.endswith("was lost, others do its work; 1 left")
+    assert [line.startswith("simulating 4 scenes") for line in progress] == [True]
+    made = {path.name: path.read_bytes() for path in (tmp_path / "data").iterdir() if path.name != ".lock"}
+    assert made == undisturbed
+
+
+def test_a_second_run_on_the_same_folder_is_refused(tmp_path):
+    with locked(tmp_path), pytest.raises(InputError, match="another run is writing into it"):
+        generate("tiny", tmp_path, 1)
+
+
+def test_a_folder_of_another_recipe_seed_or_source_is_refused(tmp_path):
+    (tmp_path / "dataset.yaml").write_text("recipe: prim-shapes\nseed: 5\n")
+    for recipe, seed, source in (("tiny", 5, None), ("prim-shapes", 6, None), ("prim-shapes", 5, tmp_path)):
+        with pytest.raises(InputError, match="holds recipe 'prim-shapes' of seed 5; take another folder"):
+            generate(recipe, tmp_path, 1, seed=seed, source=source)
+
+
+@pytest.mark.parametrize("text", ["", "just words", "recipe: [", "- 1"])
+def test_a_folder_that_does_not_say_what_it_holds_is_refused(tmp_path, text):
+    (tmp_path / "dataset.yaml").write_text(text)
+    with pytest.raises(InputError) as error:
+        generate("tiny", tmp_path, 1)
+    assert "\n" not in str(error.value)
+
+
+@needs_solver
+def test_a_file_of_another_data_set_is_named(tmp_path):
+    (foreign,) = generate("tiny", tmp_path / "a", 1, seed=1)
+    for name, complaint in [
+        ("00000.h5", "is scene 0 of recipe 'tiny', seed 1"),
+        ("mine.h5", "is not of this data set"),
+    ]:
+        folder = tmp_path / name
+        folder.mkdir()
+        (folder / name).write_bytes(foreign.read_bytes())
+        with pytest.raises(InputError, match=complaint) as error:
+            generate("tiny", folder, 1, seed=2)
+        assert str(folder / name) in str(error.value)
+        assert "\n" not in str(error.value)
+
+
+@needs_solver
+def test_a_file_that_was_cut_off_is_named(tmp_path):
+    (path,) = generate("tiny", tmp_path, 1)
+    path.write_bytes(path.read_bytes()[:3000])
+    with pytest.raises(InputError, match=r"00000\.h5: was cut off") as error:
+        generate("tiny", tmp_path, 1)
+    assert "\n" not in str(error.value)
 
 
 @pytest.mark.parametrize(
-    ("place", "reason"),
+    ("changes", "complaint"),
     [
-        ((0.0, 0.0, 1.06), None),
-        ((np.nan, 0.0, 1.0), "not finite"),
-        ((0.6, 0.0, 1.0), "left the container"),
-        ((0.0, 0.0, -0.01), "left the container"),
-        ((0.0, 0.0, 0.59), "0.01 m inside the solid"),
+        ({"count": 0}, "asked for 0 scenes"),
+        ({"count": -1}, "asked for -1 scenes"),
+        ({"workers": 0}, "asked for 0 workers"),
+        ({"recipe": "nothing"}, "there is no recipe 'nothing'; known are prim-shapes"),
+        ({"seed": -1}, "seed is -1"),
+        ({"frames": 0}, "frames is 0"),
+        ({"source": "nowhere"}, "leave out --source"),
+        ({"workers": 2, "scheduler": "tcp://127.0.0.1:1"}, "give only one of them"),
+        ({"scheduler": "tcp://127.0.0.1:1"}, "no dask scheduler answers at tcp://127.0.0.1:1"),
+        ({"scheduler": "the big one"}, "is not the address of a dask scheduler"),
     ],
 )
-def test_what_is_not_physical_is_found(tmp_path, place, reason):
-    def change(positions, velocities):
-        positions[5] = place
-
-    trajectory_of(tmp_path / "a.h5", change)
-    found = what_is_wrong(tmp_path / "a.h5")
-    assert found is None if reason is None else reason in found
-
-
-def test_a_velocity_that_is_not_finite_is_found(tmp_path):
-    def change(positions, velocities):
-        velocities[2, 1] = np.inf
-
-    trajectory_of(tmp_path / "a.h5", change)
-    assert "not finite" in what_is_wrong(tmp_path / "a.h5")
-
-
-def test_energy_gained_is_the_largest_rise_and_a_fall_gains_none():
-    gravity = (0.0, 0.0, -10.0)
-    heights = torch.tensor([2.0, 1.0, 0.0])
-    positions = torch.stack([torch.zeros(3), torch.zeros(3), heights], dim=-1)[:, None]
-    fall = torch.stack([torch.zeros(3), torch.zeros(3), -(20 * (2 - heights)).sqrt()], dim=-1)[:, None]
-    assert energy_gained(positions, fall, gravity) == pytest.approx(0, abs=1e-5)
-    burst = fall.clone()
-    burst[1, 0, 0] = 4.0
-    assert energy_gained(positions, burst, gravity) == pytest.approx(8, rel=1e-5)
-
-
-def test_water_that_bursts_is_not_physical(tmp_path):
-    def change(positions, velocities):
-        velocities[3:] += 2.0
-
-    trajectory_of(tmp_path / "a.h5", change)
-    assert "burst" in what_is_wrong(tmp_path / "a.h5")
+def test_what_cannot_be_made_is_refused_in_one_line_and_leaves_nothing(tmp_path, changes, complaint):
+    arguments = {"recipe": "tiny", "folder": tmp_path / "data", "count": 1, **changes}
+    if "source" in changes:
+        arguments["source"] = tmp_path / changes["source"]
+    with pytest.raises(InputError, match=complaint) as error:
+        generate(**arguments)
+    assert "\n" not in str(error.value)
+    assert not (tmp_path / "data").exists()

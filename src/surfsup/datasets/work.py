@@ -8,7 +8,7 @@ import queue
 import uuid
 import warnings
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 WORKERS = 2  # by default
 PATIENCE = 4.0  # seconds that a scheduler may take to answer
-WORKER_PATIENCE = 10.0  # and its workers to appear
+WORKER_PATIENCE = 5.0  # and its workers to appear
 LOOK_EVERY = 1.0  # seconds between looks for workers that were lost
 LOUD_LIBRARIES = ("distributed", "tornado", "asyncio")
 
@@ -80,12 +80,11 @@ class Crew:
         for future in waiting:
             future.add_done_callback(done.put)
         for _ in waiting:
-            while True:
-                try:
+            future = None
+            while future is None:
+                with suppress(queue.Empty):
                     future = done.get(timeout=LOOK_EVERY)
-                    break
-                except queue.Empty:
-                    self.look_for_losses()
+                self.look_for_losses()
             yield future
 
     def outcome(self, future: Future) -> Any:
@@ -120,7 +119,7 @@ class Crew:
         except Exception:
             raise self._lost() from None
         lost = self._workers.keys() - present.keys()
-        left = f"{len(present)} are left" if present else "none is left; waiting for new ones"
+        left = f"{len(present)} left" if present else "none left, waiting for new ones"
         for worker in sorted(lost):
             warnings.warn(LostWorkerWarning(f"worker {worker} was lost, others do its work; {left}"), stacklevel=2)
         self._workers, self.slots = present, sum(present.values())

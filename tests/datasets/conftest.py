@@ -1,0 +1,61 @@
+import importlib.util
+
+import numpy as np
+import pytest
+
+from surfsup.datasets import drawing
+from surfsup.datasets.recipes import Recipe
+from surfsup.scene import Scene
+
+needs_solver = pytest.mark.skipif(
+    importlib.util.find_spec("pysplishsplash") is None, reason="the reference solver is not installed"
+)
+
+
+class Tiny(Recipe):
+    """Eight particles in a small container; the height is drawn."""
+
+    name = "tiny"
+    gravity = -9.81
+
+    def scene(self, index: int, random: np.random.Generator) -> Scene:
+        bottom = random.uniform(0.1, 0.25)
+        return Scene.from_yaml(
+            f"container: {{size: [0.4, 0.4, 0.4]}}\nframes: 6\ngravity: [0, 0, {self.gravity}]\n"
+            f"fluid: [{{block: {{min: [0, 0, {bottom}], max: [0.1, 0.1, {bottom + 0.1}]}}}}]",
+            "tiny",
+        )
+
+
+class Heavy(Tiny):
+    """So heavy that the water falls through the floor within a step or two of the solver."""
+
+    name = "heavy"
+    gravity = -1e6
+
+
+class Mixed(Recipe):
+    """Every other scene, by chance, is one that falls through the floor."""
+
+    name = "mixed"
+
+    def scene(self, index: int, random: np.random.Generator) -> Scene:
+        kind = Heavy if random.random() < 0.5 else Tiny
+        return kind(self.folder).scene(index, random)
+
+
+@pytest.fixture
+def tiny_recipes(monkeypatch):
+    """Recipes that this process knows, and so the threads of its own cluster do too."""
+    for recipe in (Tiny, Heavy, Mixed):
+        monkeypatch.setitem(drawing.RECIPES, recipe.name, recipe)
+
+
+@pytest.fixture(scope="session")
+def cache(tmp_path_factory):
+    return tmp_path_factory.mktemp("cache")
+
+
+@pytest.fixture(autouse=True)
+def own_cache(monkeypatch, cache):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(cache))

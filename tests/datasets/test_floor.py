@@ -1,0 +1,85 @@
+import numpy as np
+import pytest
+
+from surfsup.datasets.floor import NoFloorWarning, floor
+from surfsup.datasets.generate import generate
+from surfsup.errors import InputError
+from surfsup.reference import solver
+from surfsup.scene import Scene
+from surfsup.trajectory import Provenance, Trajectory, TrajectoryWriter
+from tests.datasets.conftest import needs_solver
+
+pytestmark = [needs_solver, pytest.mark.usefixtures("tiny_recipes")]
+
+
+@pytest.fixture
+def data(tmp_path):
+    generate("tiny", tmp_path, 2, seed=5)
+    return tmp_path
+
+
+def test_each_scene_is_run_again_three_times_from_a_millimetre_away(data):
+    told = []
+    paths = floor(data, progress=lambda done, count, left: told.append((done, count)))
+    assert [path.name for path in paths] == [f"0000{scene}-{run}.h5" for scene in (0, 1) for run in (1, 2, 3)]
+    assert told == [(done, 6) for done in range(7)]
+    for number, path in enumerate(paths):
+        with Trajectory(path) as again, Trajectory(data / f"0000{number // 3}.h5") as truth:
+            shift = 0.001 * np.eye(3)[number % 3]
+            assert again.positions.shape == truth.positions.shape
+            np.testing.assert_allclose(again.positions[0], truth.positions[0] + shift, atol=1e-6)
+            # The same lattice, in free fall: it stays a millimetre away.
+            np.testing.assert_allclose(again.positions[-1], truth.positions[-1] + shift, atol=1e-5)
+            block, original = again.scene.fluid[0].block, truth.scene.fluid[0].block
+            np.testing.assert_allclose(np.subtract(block.min, original.min), shift, atol=1e-9)
+            np.testing.assert_allclose(np.subtract(block.max, original.max), shift, atol=1e-9)
+            assert again.provenance.model == solver.NAME
+
+
+def test_what_is_missing_is_made_again_to_the_byte_and_the_rest_kept(data):
+    paths = floor(data)
+    before = {path: path.read_bytes() for path in paths}
+    paths[4].unlink()
+    told = []
+    floor(data, workers=1, progress=lambda done, count, left: told.append((done, count)))
+    assert told == [(5, 6), (6, 6)]
+    assert {path: path.read_bytes() for path in paths} == before
+
+
+def test_a_scene_that_cannot_be_run_again_is_left_out_and_its_reason_told(data):
+    scene = Scene.from_yaml(
+        "container: {size: [0.4, 0.4, 0.4]}\ngravity: [0, 0, -1e6]\n"
+        "fluid: [{block: {min: [0, 0, 0.1], max: [0.1, 0.1, 0.2]}}]",
+        "heavy",
+    )
+    start = scene.start(None)
+    with TrajectoryWriter(data / "00002.h5", scene, Provenance("none"), len(start.positions)) as writer:
+        for _ in range(6):
+            writer.append(start.positions, start.particle_velocities)
+    with pytest.warns(NoFloorWarning) as told:
+        paths = floor(data)
+    assert len(paths) == 6
+    complaints = [f"{data}/floor/00002-{run}.h5: a particle left the container" for run in (1, 2, 3)]
+    assert [str(warning.message) for warning in told] == complaints
+    failed = data / "floor" / "00002-3.failed.txt"
+    assert failed.read_text() == "a particle left the container\n"
+
+
+def test_a_trajectory_that_was_cut_off_is_named_and_left_out(data):
+    path = data / "00001.h5"
+    path.write_bytes(path.read_bytes()[:3000])
+    with pytest.warns(NoFloorWarning, match=r"00001\.h5.*it is left out"):
+        assert len(floor(data)) == 3
+
+
+def test_a_floor_of_other_scenes_is_refused_and_named(data):
+    floor(data)
+    (data / "00001.h5").write_bytes((data / "00000.h5").read_bytes())
+    with pytest.raises(InputError, match=r"00001-1\.h5: is not 00001\.h5 run again"):
+        floor(data)
+
+
+def test_a_folder_without_trajectories_is_refused(tmp_path):
+    with pytest.raises(InputError, match="has no trajectories"):
+        floor(tmp_path)
+    assert not list(tmp_path.iterdir())
