@@ -50,6 +50,7 @@ Model = Annotated[str | None, typer.Option(help="A shipped model's name or a .sa
 Device = Annotated[str | None, typer.Option(help="cpu or cuda; a GPU is taken where there is one.")]
 Workers = Annotated[int | None, typer.Option(help="Simulations side by side on this machine; 2 by default.")]
 Scheduler = Annotated[str | None, typer.Option(help="A dask scheduler whose workers do it: tcp://host:port.")]
+Near = Annotated[float, typer.Option(min=0.0, help="Metres; nearer particles count for Chamfer Surface.")]
 Seed = Annotated[int, typer.Option(min=0, help="Where random choices start.")]
 
 
@@ -227,26 +228,36 @@ def train(
 @app.command()
 def evaluate(
     model: Annotated[str, typer.Argument(help="A shipped model's name or a .safetensors file.")],
-    data: Annotated[Path, typer.Argument(metavar="DIR", help="Folder of held-out trajectories.")],
-    out: Annotated[Path, typer.Option("-o", "--out", help="Folder of the report.")],
+    data: Annotated[list[Path], typer.Argument(metavar="DIR...", help="Folders of held-out trajectories.")],
+    out: Annotated[Path | None, typer.Option("-o", "--out", help="Folder of the report; out/report-MODEL.")] = None,
     no_guard: Annotated[bool, typer.Option("--no-guard", help="Judge the network without the guard.")] = False,
+    near: Near = 0.09,
+    device: Device = None,
 ) -> None:
     """Judge a model on held-out trajectories of the reference solver.
 
     Example: surfsup evaluate first data/test -o out/report
     """
-    from surfsup.evaluation.report import evaluate as judge
-    from surfsup.evaluation.report import report_folder, table, trajectories_in, write_report
+    from surfsup.evaluation import report
+    from surfsup.evaluation.evaluate import evaluate as judge
+    from surfsup.evaluation.table import evaluation_text
+    from surfsup.evaluation.usable import data_sets, usable_truths
     from surfsup.model import weights
+    from surfsup.model.simulate import choose_device
 
     simulator, card = weights.load(weights.find(model))
-    trajectories = trajectories_in(data)
-    report_folder(out)
+    where = choose_device(device)
+    sets = data_sets(data)
+    with bar("reading the truth") as tell:
+        truths, skipped = usable_truths(sets, tell)
+    folder = out or Path("out") / f"report-{card.name}"
+    report.make_folder(folder)
     with bar(f"judging '{card.name}'") as tell:
-        scored = judge(simulator, trajectories, not no_guard, tell)
-    write_report(out / "report.json", card.name, data, scored)
-    typer.echo(table(scored))
-    typer.echo(f"written to {out / 'report.json'}")
+        scenes = judge(simulator, card.name, truths, folder, where, not no_guard, near, tell)
+    found = report.evaluation_report(report.Subject(card, not no_guard, near), sets, scenes, skipped, folder)
+    report.write_json(folder / "report.json", found)
+    typer.echo(evaluation_text(scenes, sets, skipped))
+    typer.echo(f"numbers  {folder / 'report.json'}")
 
 
 @app.command()

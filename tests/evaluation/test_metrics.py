@@ -3,21 +3,48 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from surfsup.evaluation.metrics import centre_height, chamfer, kinetic_energy
+from surfsup.evaluation.metrics import (
+    centre_height,
+    chamfer,
+    chamfer_surface,
+    cubic_spline,
+    highest_density,
+    inside_container,
+    kinetic_energy,
+    nearest,
+    tree,
+)
+
+SEEDS = st.integers(0, 2**32 - 1)
+COUNTS = st.integers(1, 60)
 
 
-def brute_force(predicted: np.ndarray, truth: np.ndarray) -> tuple[float, float]:
+def brute_force(predicted: np.ndarray, truth: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Distances both ways by all pairs in double precision."""
     apart = np.linalg.norm(predicted[:, None].astype(np.float64) - truth[None], axis=-1)
-    there, back = apart.min(axis=1), apart.min(axis=0)
-    return there.mean() + back.mean(), (there**2).mean() + (back**2).mean()
+    return apart.min(axis=1), apart.min(axis=0)
 
 
-@given(st.integers(1, 60), st.integers(1, 60), st.integers(0, 2**32 - 1))
+@given(COUNTS, COUNTS, SEEDS)
 def test_chamfer_equals_all_pairs_by_brute_force(count, other, seed):
     random = np.random.default_rng(seed)
-    predicted, truth = random.normal(size=(count, 3)), random.normal(size=(other, 3))
+    predicted, truth = np.float32(random.normal(size=(count, 3))), np.float32(random.normal(size=(other, 3)))
+    there, back = brute_force(predicted, truth)
     found = chamfer(predicted, truth)
-    assert (found.plain, found.squared) == pytest.approx(brute_force(predicted, truth), rel=1e-12)
+    expected = there.mean() + back.mean(), (there**2).mean() + (back**2).mean()
+    assert (found.plain, found.squared) == pytest.approx(expected, rel=1e-12)
+
+
+@given(COUNTS, COUNTS, SEEDS)
+def test_chamfer_surface_equals_its_formula_by_brute_force(count, other, seed):
+    random = np.random.default_rng(seed)
+    predicted, truth = random.normal(size=(count, 3)), random.normal(size=(other, 3))
+    near_there, near_back = random.random(count) < 0.5, random.random(other) < 0.5
+    there, back = brute_force(predicted, truth)
+    found = chamfer_surface(nearest(tree(predicted), tree(truth)), near_there, near_back)
+    plain = there[near_there].sum() + back[near_back].sum()
+    squared = (there[near_there] ** 2).sum() + (back[near_back] ** 2).sum()
+    assert (found.plain, found.squared) == pytest.approx((plain, squared), rel=1e-12)
 
 
 @pytest.mark.parametrize(
@@ -35,11 +62,28 @@ def test_chamfer_worked_by_hand(predicted, truth, plain, squared):
     assert (found.plain, found.squared) == pytest.approx((plain, squared))
 
 
-def test_chamfer_is_symmetric_in_what_it_compares():
-    random = np.random.default_rng(0)
-    one, other = random.normal(size=(40, 3)), random.normal(size=(30, 3))
-    assert chamfer(one, other).plain == pytest.approx(chamfer(other, one).plain)
-    assert chamfer(one, other).squared == pytest.approx(chamfer(other, one).squared)
+def test_chamfer_surface_worked_by_hand():
+    """Each near particle goes to the nearest of ALL others, near the surface or not."""
+    predicted, truth = np.float32([[0, 0, 0], [5, 0, 0]]), np.float32([[0, 0, 2], [5, 0, 3], [9, 0, 0]])
+    apart = nearest(tree(predicted), tree(truth))
+    first = chamfer_surface(apart, np.array([True, False]), np.array([False, True, False]))
+    assert (first.plain, first.squared) == pytest.approx((2 + 3, 4 + 9))
+    nobody = chamfer_surface(apart, np.zeros(2, dtype=bool), np.zeros(3, dtype=bool))
+    assert (nobody.plain, nobody.squared) == (0, 0)
+
+
+@given(COUNTS, COUNTS, SEEDS)
+def test_chamfer_is_symmetric_blind_to_order_and_moves_along(count, other, seed):
+    random = np.random.default_rng(seed)
+    one, two = random.normal(size=(count, 3)), random.normal(size=(other, 3))
+    found = chamfer(one, two)
+    assert chamfer(two, one).plain == pytest.approx(found.plain)
+    assert chamfer(two, one).squared == pytest.approx(found.squared)
+    assert chamfer(random.permutation(one), two).squared == pytest.approx(found.squared)
+    assert chamfer(one + 7, two + 7).plain == pytest.approx(found.plain)
+    assert chamfer(3 * one, 3 * two).plain == pytest.approx(3 * found.plain)
+    assert chamfer(3 * one, 3 * two).squared == pytest.approx(9 * found.squared)
+    assert chamfer(one, one).plain == 0
 
 
 def test_height_and_energy_worked_by_hand():
@@ -50,3 +94,37 @@ def test_height_and_energy_worked_by_hand():
 def test_height_of_many_particles_is_not_lost_to_float32():
     heights = np.full((1_000_000, 3), 0.1, dtype=np.float32)
     assert centre_height(heights) == pytest.approx(float(np.float32(0.1)), rel=1e-12)
+
+
+def lattice(side: int, spacing: float) -> np.ndarray:
+    axis = spacing * np.arange(side)
+    return np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), axis=-1).reshape(-1, 3)
+
+
+def test_density_is_one_on_the_lattice_and_grows_as_it_is_squeezed():
+    assert highest_density(tree(lattice(7, 0.03))) == pytest.approx(1, abs=0.01)
+    assert highest_density(tree(lattice(7, 0.03 * 0.9))) == pytest.approx(1 / 0.9**3, rel=0.05)
+
+
+def test_density_equals_the_sum_over_all_pairs():
+    points = np.random.default_rng(0).uniform(0, 0.1, (40, 3))  # few enough neighbours for none to be left out
+    apart = np.linalg.norm(points[:, None] - points[None], axis=-1)
+    assert highest_density(tree(points)) == pytest.approx((0.03**3 * cubic_spline(apart)).sum(axis=1).max())
+
+
+def test_a_lone_particle_has_its_own_kernel_and_a_collapsed_fluid_is_very_dense():
+    alone = highest_density(tree(np.zeros((1, 3))))
+    assert alone == pytest.approx(0.03**3 * 8 / (np.pi * 0.06**3))
+    assert highest_density(tree(np.zeros((5000, 3)))) == pytest.approx(64 * alone)
+
+
+def test_the_kernel_integrates_to_one_and_ends_at_its_support():
+    radius = np.linspace(0, 0.06, 20001)
+    assert np.trapezoid(4 * np.pi * radius**2 * cubic_spline(radius), radius) == pytest.approx(1, rel=1e-6)
+    assert cubic_spline(np.array([0.06, 0.07, np.inf])).tolist() == [0, 0, 0]
+
+
+def test_what_is_outside_or_no_number_is_not_in_the_container():
+    positions = np.float32([[0, 0, 1], [0.5, 0, 0], [0.51, 0, 1], [0, 0, -0.01], [np.nan, 0, 1], [np.inf, 0, 1]])
+    found = inside_container(positions, np.float32([-0.5, -0.5, 0]), np.float32([0.5, 0.5, 2]))
+    assert found.tolist() == [True, True, False, False, False, False]

@@ -1,9 +1,11 @@
-"""Rollouts of a model beside the truth, and what the difference comes to."""
+"""How training chooses its checkpoints: a few short rollouts beside the truth, scored as they are made.
+
+The full judgement, from trajectory files and beside the floor, is ``evaluate.py``.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -11,7 +13,8 @@ import numpy as np
 import torch
 
 from surfsup.errors import InputError
-from surfsup.evaluation.metrics import Chamfer, centre_height, chamfer, kinetic_energy
+from surfsup.evaluation.metrics import NO_CHAMFER, Chamfer, centre_height, chamfer, kinetic_energy
+from surfsup.evaluation.scores import ratio
 from surfsup.model.simulator import Simulator
 from surfsup.model.state import State, Surroundings
 from surfsup.trajectory import Trajectory
@@ -48,34 +51,27 @@ class Scores:
 
 
 @torch.no_grad()
-def rollout_scores(
-    model: Simulator, truth: Trajectory, spans: Sequence[int], every: int = 1, guarded: bool = True
-) -> dict[int, Scores]:
+def rollout_scores(model: Simulator, truth: Trajectory, frames: int, every: int = 1) -> Scores:
     """Roll the model out from the start of ``truth`` and score its first frames.
 
     Args:
         model: the simulator.
         truth: what the reference solver made of the scene.
-        spans: numbers of frames, ascending, each to be scored from the start; cut to those of ``truth``.
+        frames: how many are scored; cut to those of ``truth``.
         every: Chamfer distances are taken at every so many-th frame; all else at each.
-        guarded: whether the guard against penetration is on.
-
-    Returns:
-        The scores of each span.
     """
     surface = truth.scene.build_surface()
     around = Surroundings.of(truth.scene, surface)
-    frames = min(max(spans), len(truth))
+    frames = min(frames, len(truth))
     true_positions, true_velocities = truth.positions[:frames], truth.velocities[:frames]
     state = State.in_free_fall(
         torch.from_numpy(true_positions[0]), torch.from_numpy(true_velocities[0]), around.gravity
     )
     tally = Tally()
-    scores = {}
-    for frame, (now, moved) in enumerate(model.rollout(state, around, frames, guarded)):
+    for frame, (now, moved) in enumerate(model.rollout(state, around, frames)):
         positions, velocities = now.positions.numpy(), now.velocities.numpy()
         if not (np.isfinite(positions).all() and np.isfinite(velocities).all()):
-            tally.chamfer.append(Chamfer(math.nan, math.nan))
+            tally.chamfer.append(NO_CHAMFER)
             break
         if frame % every == 0:
             tally.chamfer.append(chamfer(positions, true_positions[frame]))
@@ -86,8 +82,7 @@ def rollout_scores(
         if surface is not None:
             tally.inside += int((surface.distance(now.positions) < 0).sum())
         tally.outside += int(((now.positions < around.lower) | (now.positions > around.upper)).any(dim=-1).sum())
-        scores.update({span: tally.scores() for span in spans if frame + 1 == min(span, frames)})
-    return {span: scores.get(span) or tally.scores() for span in spans}
+    return tally.scores()
 
 
 @dataclass
@@ -124,7 +119,7 @@ def judge(model: Simulator, folder: Path, scenes: int, frames: int) -> Scores:
     every = []
     for path in first_trajectories(folder, scenes):
         with Trajectory(path) as truth:
-            every.append(rollout_scores(model, truth, [frames], every=5)[frames])
+            every.append(rollout_scores(model, truth, frames, every=5))
     return mean_scores(every)
 
 
@@ -138,13 +133,6 @@ def first_trajectories(folder: Path, count: int) -> list[Path]:
     if not paths:
         raise InputError(f"{folder}: has no trajectories (*.h5) to judge by; make some with 'surfsup generate'")
     return paths
-
-
-def ratio(energy: float, true_energy: float) -> float:
-    """One over the other; 1 where both are nothing, as of water that stays at rest."""
-    if true_energy == 0:
-        return 1.0 if energy == 0 else math.inf
-    return energy / true_energy
 
 
 def mean_scores(scores: list[Scores]) -> Scores:

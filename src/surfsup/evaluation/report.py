@@ -1,49 +1,47 @@
-"""A model judged on a folder of held-out trajectories."""
+"""The report folder: every number in ``report.json``, beside the rollouts themselves."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
+
+import numpy as np
 
 from surfsup import __version__
 from surfsup.errors import InputError
-from surfsup.evaluation.judge import Scores, mean_scores, rollout_scores
-from surfsup.model.simulator import Simulator
-from surfsup.trajectory import Trajectory
+from surfsup.evaluation.compare import Comparison
+from surfsup.evaluation.evaluate import JudgedScene, Judgement
+from surfsup.evaluation.floor import HOW_TO_MAKE
+from surfsup.evaluation.scores import METRICS, WINDOWS, ByWindow, ratios
+from surfsup.evaluation.summary import summaries
+from surfsup.evaluation.usable import DataSet, Skipped
+from surfsup.model.weights import Card
+from surfsup.scene import FRAME_TIME
 
-SPANS = (300, 800)  # frames: fall, impact and splash; and all with the pool at rest
+DIGITS = 6  # of a curve's values; more are noise
+
+CHAMFERS = ("chamfer", "chamfer_squared", "surface", "surface_squared")  # of two trajectories
+COURSES = ("height", "energy", "inside", "near", "lost", "density")  # of each by itself
 
 
 @dataclass(frozen=True)
-class SceneScores:
-    """The scores of one scene over the first frames and over all.
+class Subject:
+    """What is judged and how.
 
     Attributes:
-        scene: the trajectory's file name.
-        kind: of surface.
-        spans: number of frames -> scores.
+        card: the model's.
+        guarded: whether the guard against penetration was on.
+        threshold: metres; particles nearer to the solid count for Chamfer Surface.
     """
 
-    scene: str
-    kind: str
-    spans: dict[int, Scores]
+    card: Card
+    guarded: bool
+    threshold: float
 
 
-def trajectories_in(folder: Path) -> list[Path]:
-    """The trajectory files of ``folder``.
-
-    Raises:
-        InputError: it has none.
-    """
-    paths = sorted(folder.glob("*.h5"))
-    if not paths:
-        raise InputError(f"{folder}: has no trajectories (*.h5) to judge by; make some with 'surfsup generate'")
-    return paths
-
-
-def report_folder(path: Path) -> None:
+def make_folder(path: Path) -> None:
     """Make the folder that the report goes into.
 
     Raises:
@@ -55,57 +53,117 @@ def report_folder(path: Path) -> None:
         raise InputError(f"{path}: cannot be made ({error.strerror}); give another folder with -o") from None
 
 
-def evaluate(model: Simulator, paths: list[Path], guarded: bool, tell: Callable[[int, int], None]) -> list[SceneScores]:
-    """Roll ``model`` out beside every trajectory of ``paths``."""
-    scored = []
-    for done, path in enumerate(paths, start=1):
-        with Trajectory(path) as truth:
-            spans = rollout_scores(model, truth, SPANS, guarded=guarded)
-            kind = truth.scene.surface.kind if truth.scene.surface else "none"
-        scored.append(SceneScores(path.name, kind, spans))
-        tell(done, len(paths))
-    return scored
-
-
-def means(scored: list[SceneScores]) -> dict[int, Scores]:
-    """Means over the scenes, for each span."""
-    return {span: mean_scores([scene.spans[span] for scene in scored]) for span in scored[0].spans}
-
-
-def write_report(path: Path, model: str, folder: Path, scored: list[SceneScores]) -> None:
-    """Write every scene's scores and their means as JSON."""
-    report = {
-        "model": model,
-        "data": folder.name,
-        "version": __version__,
-        "mean": {span: asdict(scores) for span, scores in means(scored).items()},
-        "scenes": [asdict(scene) for scene in scored],
+def evaluation_report(
+    subject: Subject,
+    sets: Sequence[DataSet],
+    scenes: Sequence[JudgedScene],
+    skipped: Sequence[Skipped],
+    folder: Path,
+) -> dict:
+    """All that an evaluation found, as plain data for JSON; file names are relative to ``folder`` where they can be."""
+    return {
+        "model": {"name": subject.card.name, "about": subject.card.about, "guarded": subject.guarded},
+        **definitions(subject.threshold),
+        "data": [data_set_entry(one, scenes, skipped) for one in sets],
+        "means": [
+            {
+                "data": mean.data,
+                "surface": mean.surface,
+                "scenes": mean.scenes,
+                "floors": mean.floors,
+                "windows": beside(mean.model, mean.floor, mean.ratio),
+            }
+            for mean in summaries(scenes)
+        ],
+        "scenes": [
+            {
+                "data": scene.truth.data,
+                "scene": scene.name,
+                "trajectory": str(scene.rollout.relative_to(folder)),
+                "guarded": scene.guarded,
+                **judgement_entry(scene.judgement),
+            }
+            for scene in scenes
+        ],
     }
-    path.write_text(json.dumps(report, indent=2) + "\n")
 
 
-def table(scored: list[SceneScores]) -> str:
-    """The scores of every scene and their means as a text table."""
-    head = (
-        f"{'scene':<14}{'surface':<10}{'frames':>7}{'Chamfer':>9}{'squared':>10}{'height':>9}{'energy':>8}"
-        f"{'inside':>8}{'outside':>8}{'guarded':>9}"
-    )
-    lines = [head]
-    for span in scored[0].spans:
-        lines += [row(scene.scene, scene.kind, span, scene.spans[span]) for scene in scored]
-        lines += [row("mean", "", span, means(scored)[span]), ""]
-    lines.append(
-        "Chamfer: plain, m; squared: m²; height: mean error of the centre of mass, m; energy: kinetic, summed, "
-        "predicted over true;"
-    )
-    lines.append("inside, outside: particles summed over frames; guarded: share of particles moved in a frame")
-    return "\n".join(lines)
+def definitions(threshold: float) -> dict:
+    """What the numbers of a report mean."""
+    return {
+        "version": __version__,
+        "frame_time": FRAME_TIME,
+        "near": threshold,
+        "metrics": [
+            {"key": m.key, "name": m.name, "unit": m.unit, "places": m.places, "tells": m.tells} for m in METRICS
+        ],
+        "windows": [window.name for window in WINDOWS],
+    }
 
 
-def row(scene: str, kind: str, span: int, scores: Scores) -> str:
-    """One line of the table."""
-    return (
-        f"{scene:<14}{kind:<10}{span:>7}{scores.chamfer:>9.4f}{scores.chamfer_squared:>10.6f}"
-        f"{scores.height_error:>9.4f}{scores.energy_ratio:>8.3f}{scores.inside:>8}{scores.outside:>8}"
-        f"{scores.guarded:>9.5f}"
-    )
+def data_set_entry(one: DataSet, scenes: Sequence[JudgedScene], skipped: Sequence[Skipped]) -> dict:
+    """A data set: how much of it was judged, and what was not."""
+    members = [scene for scene in scenes if scene.truth.data == one.name]
+    floors = sum(bool(scene.judgement.floors) for scene in members)
+    left_out = [bad for bad in skipped if bad.file.is_relative_to(one.folder)]
+    return {
+        "name": one.name,
+        "files": len(one.paths),
+        "scenes": len(members),
+        "floors": floors,
+        "floor_missing": None if floors == len(members) else HOW_TO_MAKE.format(one.folder),
+        "skipped": [{"file": str(bad.file.relative_to(one.folder)), "reason": bad.reason} for bad in left_out],
+    }
+
+
+def judgement_entry(judgement: Judgement) -> dict:
+    """One scene: numbers by window, and curves frame by frame."""
+    return {
+        "surface": judgement.surface,
+        "particles": judgement.particles,
+        "frames": len(judgement.own),
+        "repeats": len(judgement.floors),
+        "windows": beside(judgement.scores, judgement.floor, ratios(judgement.scores, judgement.floor)),
+        "curves": curves(judgement.own, judgement.floors),
+    }
+
+
+def beside(model: ByWindow, floor: ByWindow, ratio: ByWindow) -> dict:
+    """Window -> metric -> model, floor and ratio."""
+    return {
+        window: {
+            key: {"model": value, "floor": floor.get(window, {}).get(key), "ratio": ratio.get(window, {}).get(key)}
+            for key, value in values.items()
+        }
+        for window, values in model.items()
+    }
+
+
+def curves(own: Comparison, floors: Sequence[Comparison]) -> dict:
+    """Quantity -> model, floor (mean of the repeats) and, of what a trajectory has by itself, truth: (frames,) each."""
+    found = {
+        name: {"model": plain(getattr(own, name)), "floor": mean_curve([getattr(one, name) for one in floors])}
+        for name in CHAMFERS
+    }
+    for name in COURSES:
+        found[name] = {
+            "model": plain(getattr(own.own, name)),
+            "truth": plain(getattr(own.true, name)),
+            "floor": mean_curve([getattr(one.own, name) for one in floors]),
+        }
+    return found
+
+
+def mean_curve(repeats: Sequence[np.ndarray]) -> list[float | None] | None:
+    """The mean of the repeats' curves; None where there are none."""
+    return plain(np.mean(repeats, axis=0)) if repeats else None
+
+
+def plain(values: np.ndarray) -> list[float | None]:
+    """Values as JSON has them: None where there is no number."""
+    return [float(f"{value:.{DIGITS}g}") if np.isfinite(value) else None for value in values]
+
+
+def write_json(path: Path, report: dict) -> None:
+    """Write ``report``; curves stand on one line each."""
+    path.write_text(json.dumps(report, allow_nan=False, separators=(",", ":")) + "\n")

@@ -1,0 +1,141 @@
+"""Judgements as text for a terminal."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from surfsup.evaluation.evaluate import JudgedScene, Judgement
+from surfsup.evaluation.floor import HOW_TO_MAKE
+from surfsup.evaluation.scores import ALL, METRICS, Metric, Values, ratios
+from surfsup.evaluation.summary import Summary, summaries
+from surfsup.evaluation.usable import DataSet, Skipped
+
+NOTHING = "-"
+LABEL, COLUMN, RATIO = 19, 9, 6  # characters
+BY_KEY = {metric.key: metric for metric in METRICS}
+DISTANCES = ("chamfer", "chamfer_squared", "surface", "surface_squared")
+PHYSICS = ("height", "energy", "energy_error", "rebound")
+COUNTS = ("density", "penetration", "depth", "lost")
+Row = tuple[str, Values | None, Values | None, Values | None]  # label; own, floor, ratio
+
+
+def evaluation_text(scenes: Sequence[JudgedScene], sets: Sequence[DataSet], skipped: Sequence[Skipped]) -> str:
+    """The means by data set and surface and over time, the floor beside them, and what was skipped."""
+    means, lines = summaries(scenes), []
+    for one in sets:
+        members = [mean for mean in means if mean.data == one.name]
+        if members:
+            guarded = [scene.guarded for scene in scenes if scene.truth.data == one.name]
+            lines += [*data_set_lines(one, members), guard_line(guarded), ""]
+    lines += [*legend(BY_KEY), *skipped_lines(skipped)]
+    return "\n".join(lines)
+
+
+def data_set_lines(one: DataSet, members: Sequence[Summary]) -> list[str]:
+    """One data set: by surface over all frames, then all surfaces over time."""
+    whole = members[-1]
+    lines = [f"{one.name}: {scenes_of(whole.scenes)}, {floor_of(whole, one)}"]
+    for keys in (DISTANCES, PHYSICS):
+        by_surface = [(f"{mean.surface} ({mean.scenes})", *values_of(mean, ALL)) for mean in members]
+        over_time = [(window, *values_of(whole, window)) for window in whole.model if window != ALL]
+        metrics = [BY_KEY[key] for key in keys]
+        lines += ["", *head(metrics, bool(whole.floors)), "all frames", *rows(by_surface, metrics, bool(whole.floors))]
+        lines += ["all surfaces, frames", *rows(over_time, metrics, bool(whole.floors))]
+    counts = [f"{BY_KEY[key].name} {value_with_floor(BY_KEY[key], *values_of(whole, ALL)[:2])}" for key in COUNTS]
+    return [*lines, "", f"mean of a scene: {'; '.join(counts)}"]
+
+
+def judgement_text(judgement: Judgement) -> str:
+    """One trajectory against its truth, over time."""
+    grounded = bool(judgement.floor)
+    ratio = ratios(judgement.scores, judgement.floor)
+    lines = []
+    for keys in (DISTANCES, PHYSICS, COUNTS):
+        metrics = [BY_KEY[key] for key in keys]
+        values = [
+            (window, judgement.scores[window], judgement.floor.get(window), ratio.get(window))
+            for window in judgement.scores
+        ]
+        lines += [*head(metrics, grounded), *rows(values, metrics, grounded), ""]
+    return "\n".join([*lines, *legend(BY_KEY)])
+
+
+def values_of(mean: Summary, window: str) -> tuple[Values | None, Values | None, Values | None]:
+    """Model, floor and ratio over one window."""
+    return mean.model.get(window), mean.floor.get(window), mean.ratio.get(window)
+
+
+def head(metrics: Sequence[Metric], grounded: bool) -> list[str]:
+    """The two lines above the columns of ``metrics``, with floor and ratio where the table has them."""
+    width = COLUMN + (COLUMN + RATIO if grounded else 0)
+    names = [f"{metric.name}{', ' + metric.unit if metric.unit else ''}" for metric in metrics]
+    if not grounded:
+        width = max(COLUMN, *(len(name) + 2 for name in names))
+        return [" " * LABEL + "".join(f"{name:>{width}}" for name in names)]
+    below = f"{'model':>{COLUMN}}{'floor':>{COLUMN}}{'ratio':>{RATIO}}"
+    return [" " * LABEL + "".join(f"{name:>{width}}" for name in names), " " * LABEL + below * len(metrics)]
+
+
+def rows(values: Sequence[Row], metrics: Sequence[Metric], grounded: bool) -> list[str]:
+    """A line for each label."""
+    width = COLUMN if grounded else len(head(metrics, False)[0][LABEL:]) // len(metrics)
+    lines = []
+    for label, own, floor, ratio in values:
+        line = f"  {label:<{LABEL - 2}}"
+        for metric in metrics:
+            line += f"{shown(own, metric):>{width}}"
+            if grounded:
+                line += f"{shown(floor, metric):>{COLUMN}}{shown_ratio(ratio, metric):>{RATIO}}"
+        lines.append(line)
+    return lines
+
+
+def shown(values: Values | None, metric: Metric) -> str:
+    """A value at the metric's precision; a mean of counts that is no whole number keeps a decimal."""
+    value = None if values is None else values[metric.key]
+    if value is None:
+        return NOTHING
+    places = metric.places if metric.places or value == int(value) else 1
+    return f"{value:.{places}f}"
+
+
+def shown_ratio(ratios_: Values | None, metric: Metric) -> str:
+    """A ratio to the floor."""
+    value = None if ratios_ is None else ratios_[metric.key]
+    return NOTHING if value is None else f"{value:.2f}" if value < 100 else f"{value:.0f}"
+
+
+def value_with_floor(metric: Metric, own: Values | None, floor: Values | None) -> str:
+    """A value and in brackets the floor's."""
+    unit = f" {metric.unit}" if metric.unit else ""
+    return f"{shown(own, metric)}{unit}" + (f" (floor {shown(floor, metric)})" if floor else "")
+
+
+def floor_of(whole: Summary, one: DataSet) -> str:
+    """Which scenes have a floor, and what to do for those that have none."""
+    if whole.floors == whole.scenes:
+        return "all with their floor"
+    missing = HOW_TO_MAKE.format(one.folder)
+    return f"no floor ({missing})" if not whole.floors else f"floor of {whole.floors} of them ({missing})"
+
+
+def guard_line(guarded: Sequence[float]) -> str:
+    """How much the guard had to do."""
+    return f"the guard moved {100 * sum(guarded) / len(guarded):.2f} % of the particles in a frame"
+
+
+def legend(keys: Sequence[str]) -> list[str]:
+    """What the columns mean, a line each."""
+    return [f"{BY_KEY[key].name}: {BY_KEY[key].tells}" for key in keys] + [
+        "floor: the truth against itself, started 1 mm away; ratio: model over floor, 1 is as good as can be"
+    ]
+
+
+def skipped_lines(skipped: Sequence[Skipped]) -> list[str]:
+    """Every file that was not used, and why."""
+    return ["", f"{len(skipped)} skipped:", *(f"  {one.file}: {one.reason}" for one in skipped)] if skipped else []
+
+
+def scenes_of(count: int) -> str:
+    """So many scenes."""
+    return f"{count} scene{'' if count == 1 else 's'}"

@@ -1,0 +1,11 @@
+import pytest
+
+from surfsup.trajectory import Trajectory
+from tests.evaluation.scenes import free_fall, write
+
+
+@pytest.fixture
+def truth(tmp_path):
+    """A free fall from rest, as the solver falls."""
+    with Trajectory(write(tmp_path / "00000.h5", *free_fall())) as trajectory:
+        yield trajectory

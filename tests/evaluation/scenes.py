@@ -1,0 +1,65 @@
+"""Small scenes and trajectories that the tests of this folder share."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from surfsup.model.simulator import Architecture, Simulator
+from surfsup.model.state import State
+from surfsup.scene import Scene
+from surfsup.trajectory import Provenance, TrajectoryWriter
+
+FRAMES = 20
+SCENE = Scene.from_yaml(
+    "surface: {sphere: {radius: 0.3}, at: [0, 0, 0.3]}\n"
+    "fluid: [{block: {min: [-0.1, -0.1, 1], max: [0.1, 0.1, 1.2]}}]\n"
+    f"frames: {FRAMES}",
+    "test",
+)
+
+
+def write(path: Path, positions: np.ndarray, velocities: np.ndarray, scene: Scene = SCENE) -> Path:
+    """A trajectory file of those frames."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with TrajectoryWriter(path, scene, Provenance("test"), positions.shape[1]) as writer:
+        for frame in zip(positions, velocities, strict=True):
+            writer.append(*frame)
+    return path
+
+
+def free_fall(frames: int = FRAMES, scene: Scene = SCENE) -> tuple[np.ndarray, np.ndarray]:
+    """Positions and velocities (frames, N, 3) of a fall from rest, as the solver falls."""
+    start = scene.start(None).positions.astype(np.float64)
+    steps = 5 * np.arange(frames)
+    drop = -9.81 * 1e-6 * steps * (steps + 1) / 2
+    positions = start + drop[:, None, None] * np.array([0, 0, 1])
+    velocities = np.zeros_like(positions)
+    velocities[..., 2] = (-9.81e-3 * steps)[:, None]
+    return positions.astype(np.float32), velocities.astype(np.float32)
+
+
+class Replay:
+    """A model that plays back given frames."""
+
+    def __init__(self, positions: np.ndarray, velocities: np.ndarray, moved: bool = False) -> None:
+        self.frames, self.moved = list(zip(positions, velocities, strict=True)), moved
+
+    def to(self, device: str) -> "Replay":
+        """It plays on every device."""
+        return self
+
+    def rollout(self, state, around, frames, guarded=True) -> Iterator[tuple[State, torch.Tensor]]:
+        """The given frames, whatever the state."""
+        for positions, velocities in self.frames[:frames]:
+            now, gone = torch.from_numpy(positions), torch.from_numpy(velocities)
+            yield State(now, gone, now, gone), torch.full((len(now),), self.moved)
+
+
+def silent() -> Simulator:
+    """A model that adds nothing to ballistic motion."""
+    simulator = Simulator(Architecture(width=4, layers=1))
+    for parameter in simulator.parameters():
+        torch.nn.init.zeros_(parameter)
+    return simulator
