@@ -15,7 +15,7 @@ from functools import cached_property
 import torch
 from torch import Tensor
 
-from surfsup.model.neighbours import Neighbourhood
+from surfsup.model.neighbours import Neighbourhood, join_neighbourhoods
 
 KERNELS = 8
 # Windows are even in the displacement, windows times a direction are odd.
@@ -97,15 +97,7 @@ def join(graphs: list[Graph]) -> Graph:
     """Several graphs side by side as one, with no edge between them."""
     if len(graphs) == 1:
         return graphs[0]
-    starts, receivers, senders, particles, edges = [], [], [], 0, 0
-    for part in graphs:
-        near = part.neighbourhood
-        starts.append(near.starts[:-1] + edges)
-        receivers.append(near.receivers + particles)
-        senders.append(near.senders + particles)
-        particles, edges = particles + len(part), edges + len(near.senders)
-    starts.append(torch.tensor([edges], device=starts[0].device))
-    merged = Neighbourhood(torch.cat(starts), torch.cat(receivers), torch.cat(senders))
+    merged = join_neighbourhoods([part.neighbourhood for part in graphs])
     return Graph(merged, torch.cat([part.kernels for part in graphs]))
 
 

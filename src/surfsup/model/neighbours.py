@@ -49,3 +49,15 @@ def neighbourhood(positions: Tensor, radius: float) -> Neighbourhood:
     starts = np.searchsorted(receivers, np.arange(count + 1))
     device = positions.device
     return Neighbourhood(*(torch.from_numpy(part).to(device) for part in (starts, receivers, senders)))
+
+
+def join_neighbourhoods(parts: list[Neighbourhood]) -> Neighbourhood:
+    """Several neighbourhoods side by side as one, with no edge between them."""
+    starts, receivers, senders, particles, edges = [], [], [], 0, 0
+    for part in parts:
+        starts.append(part.starts[:-1] + edges)
+        receivers.append(part.receivers + particles)
+        senders.append(part.senders + particles)
+        particles, edges = particles + len(part.starts) - 1, edges + len(part.senders)
+    starts.append(parts[0].starts.new_tensor([edges]))
+    return Neighbourhood(torch.cat(starts), torch.cat(receivers), torch.cat(senders))

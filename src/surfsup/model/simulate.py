@@ -8,14 +8,14 @@ import numpy as np
 import torch
 
 from surfsup.errors import InputError
-from surfsup.model.simulator import Simulator
-from surfsup.model.state import State, Surroundings
+from surfsup.model.learned_simulator import LearnedSimulator
+from surfsup.model.state import Surroundings
 from surfsup.scene import Scene, Start
 from surfsup.sdf import Surface
 
 
 def simulate(
-    model: Simulator, scene: Scene, surface: Surface | None, start: Start, device: str, guarded: bool = True
+    model: LearnedSimulator, scene: Scene, surface: Surface | None, start: Start, device: str, guarded: bool = True
 ) -> Iterator[tuple[np.ndarray, np.ndarray]]:
     """Yield positions (N, 3) in metres and velocities (N, 3) in m/s of each frame, both float32.
 
@@ -29,10 +29,8 @@ def simulate(
     """
     model = model.to(device)
     around = Surroundings.of(scene, surface, device)
-    state = State.in_free_fall(
-        torch.from_numpy(start.positions).to(device),
-        torch.from_numpy(start.particle_velocities).to(device),
-        around.gravity,
+    state = model.start(
+        torch.from_numpy(start.positions).to(device), torch.from_numpy(start.particle_velocities).to(device), around
     )
     for now, _ in model.rollout(state, around, scene.frames, guarded):
         yield now.positions.cpu().numpy(), now.velocities.cpu().numpy()

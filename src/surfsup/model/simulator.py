@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import ClassVar
 
 import torch
-from torch import Tensor, nn
+from torch import Tensor
 
 from surfsup.model.convolution import Graph, graph, join
 from surfsup.model.features import ACTIONS, DISPLACEMENT_SCALE, SURROUNDINGS, lag, observe_features
 from surfsup.model.guard import guard
+from surfsup.model.learned_simulator import LearnedSimulator
 from surfsup.model.neighbours import neighbourhood
 from surfsup.model.network import ConvolutionNetwork
 from surfsup.model.state import FRAME_TIME, State, Surroundings, free_fall_drop
@@ -68,13 +69,28 @@ class Correction:
     position: Tensor
 
 
-class Simulator(nn.Module):
+class Simulator(LearnedSimulator[State]):
     """Moves fluid particles by one frame of 0.005 s."""
+
+    kind: ClassVar[str] = "convolution"
 
     def __init__(self, architecture: Architecture) -> None:
         super().__init__()
         self.architecture = architecture
         self.network = ConvolutionNetwork(ACTIONS, SURROUNDINGS, OUTPUTS, architecture.width, architecture.layers)
+
+    @property
+    def past(self) -> int:
+        """One frame: the last displacement and change of velocity."""
+        return 1
+
+    def start(self, positions: Tensor, velocities: Tensor, around: Surroundings) -> State:
+        """The state of particles (N, 3) at the start of a scene."""
+        return State.in_free_fall(positions, velocities, around.gravity)
+
+    def state_after(self, positions: Tensor, velocities: Tensor) -> State:
+        """The state at the second of two true frames (2, N, 3)."""
+        return State(positions[1], velocities[1], positions[1] - positions[0], velocities[1] - velocities[0])
 
     def observe(self, state: State, around: Surroundings) -> Observation:
         """See ``state``: advance it ballistically, find neighbours and distances there."""
@@ -113,17 +129,6 @@ class Simulator(nn.Module):
             kept = guard(state.positions, positions, velocities, around)
             positions, velocities, moved = kept.positions, kept.velocities, kept.moved
         return state.moved_to(positions, velocities), moved
-
-    @torch.no_grad()
-    def rollout(
-        self, state: State, around: Surroundings, frames: int, guarded: bool = True
-    ) -> Iterator[tuple[State, Tensor]]:
-        """Frame 0 and the frames after it, one at a time: each state and which particles were guarded."""
-        moved = torch.zeros(len(state.positions), dtype=torch.bool, device=state.positions.device)
-        yield state, moved
-        for _ in range(frames - 1):
-            state, moved = self.step(state, around, guarded)
-            yield state, moved
 
 
 def join_observations(parts: list[Observation]) -> Observation:
