@@ -234,3 +234,15 @@ def test_a_block_wholly_in_the_solid_leaves_the_others_in_order():
     start = made.start(made.build_surface())
     assert len(start.blocks) == 1
     assert start.velocities == [(1.0, 2.0, 3.0)]
+
+
+def test_a_scene_put_into_a_folder_finds_its_files_there(tmp_path):
+    import trimesh
+
+    trimesh.creation.box((0.2, 0.3, 0.4)).export(tmp_path / "box.obj")
+    text = "surface: {mesh: {file: box.obj}}\nfluid: [{block: {min: [-0.2, -0.2, 1], max: [0.2, 0.2, 1.4]}}]\n"
+    scene = Scene.from_yaml(text, "scene.yaml", tmp_path / "elsewhere")
+    with pytest.raises(InputError, match=r"box\.obj: cannot be read"):
+        scene.build_surface()
+    for moved in (scene.in_folder(tmp_path), scene.in_folder(tmp_path).with_frames(3)):
+        assert moved.build_surface().bounds()[1, 1] == pytest.approx(0.15)

@@ -89,3 +89,18 @@ def test_a_full_turn_is_none():
     )
     assert math.isclose(float(once.distance(torch.ones(1, 3))), float(often.distance(torch.ones(1, 3))), abs_tol=1e-5)
     assert_same_distance(once, often)
+
+
+def test_the_boxes_of_a_union_are_asked_all_at_once():
+    box = "{box: {size: [0.2, 0.3, 0.4]}, rotate: {axis: [0, 1, 0], degrees: 20}, at: [0.3, 0, 0]}"
+    larger, ball = "{box: {size: [0.2, 0.3, 0.4]}, scale: 2}", "{sphere: {radius: 0.3}}"
+    by_hand = [
+        sdf.Transformed(sdf.Box((0.2, 0.3, 0.4)), sdf.axis_rotation((0, 1, 0), 20), (0.3, 0, 0)),
+        sdf.Box((0.1, 0.9, 0.1)),
+        sdf.Transformed(sdf.Box((0.2, 0.3, 0.4)), scale=2.0),
+        sdf.Sphere(0.3),
+    ]
+    assert isinstance(built(f"{{union: [{box}, {box}]}}"), sdf.Boxes)
+    together = built(f"{{union: [{box}, {ball}, {{box: {{size: [0.1, 0.9, 0.1]}}}}, {larger}]}}")
+    assert isinstance(together.parts[0], sdf.Boxes)
+    assert_same_distance(together, sdf.Union(*by_hand))

@@ -106,6 +106,12 @@ class Scene(Description):
         moved._folder = folder
         return moved
 
+    def in_folder(self, folder: Path) -> Scene:
+        """The same scene as if its file lay in ``folder``: that is where its relative file names start."""
+        moved = self.model_copy()
+        moved._folder = folder
+        return moved
+
     def with_frames(self, frames: int) -> Scene:
         """The same scene over another number of frames."""
         return self.model_copy(update={"frames": frames})

@@ -185,18 +185,13 @@ class Shape(Description):
             InputError: a mesh file is missing or not usable.
         """
         placed_already = self.scale == 1.0 and self.rotate is None and not any(self.at)
-        shape = self._own_surface(folder)
-        if placed_already:
-            return shape
-        rotation = sdf.axis_rotation(self.rotate.axis, self.rotate.degrees) if self.rotate else torch.eye(3)
-        return sdf.Transformed(shape, rotation, self.at, self.scale)
+        own = getattr(self, self.kind)
+        shape = COMBINATIONS[self.kind](own, folder) if self.kind in COMBINATIONS else own.surface(folder)
+        return shape if placed_already else sdf.Transformed(shape, self.rotation(), self.at, self.scale)
 
-    def _own_surface(self, folder: Path) -> sdf.Surface:
-        for kind, combine in COMBINATIONS.items():
-            parts: list[Shape] | None = getattr(self, kind)
-            if parts is not None:
-                return combine(*(part.surface(folder) for part in parts))
-        return getattr(self, self.kind).surface(folder)
+    def rotation(self) -> torch.Tensor:
+        """How the shape is turned, as a matrix (3, 3)."""
+        return sdf.axis_rotation(self.rotate.axis, self.rotate.degrees) if self.rotate else torch.eye(3)
 
     def with_files(self, rename: Callable[[Path], Path]) -> Shape:
         """The same shape, the name of every file in it replaced by what ``rename`` makes of it."""
@@ -210,5 +205,29 @@ class Shape(Description):
         return self.model_copy(update={self.kind: changed})
 
 
-COMBINATIONS = {"union": sdf.Union, "intersection": sdf.Intersection, "difference": sdf.Difference}
+def union_of(parts: list[Shape], folder: Path) -> sdf.Surface:
+    """The union of ``parts``; the boxes among them, of which furniture has dozens, are asked all at once."""
+    boxes = [part for part in parts if part.box is not None and part.scale == 1.0]
+    if len(boxes) < 2:
+        return sdf.Union(*(part.surface(folder) for part in parts))
+    others = [part.surface(folder) for part in parts if part.box is None or part.scale != 1.0]
+    many = sdf.Boxes(
+        torch.tensor([part.box.size for part in boxes]),
+        torch.stack([part.rotation() for part in boxes]),
+        torch.tensor([part.at for part in boxes]),
+    )
+    return sdf.Union(many, *others) if others else many
+
+
+def intersection_of(parts: list[Shape], folder: Path) -> sdf.Surface:
+    """What all ``parts`` share."""
+    return sdf.Intersection(*(part.surface(folder) for part in parts))
+
+
+def difference_of(parts: list[Shape], folder: Path) -> sdf.Surface:
+    """The first of two ``parts`` without the second."""
+    return sdf.Difference(*(part.surface(folder) for part in parts))
+
+
+COMBINATIONS = {"union": union_of, "intersection": intersection_of, "difference": difference_of}
 KINDS = ("sphere", "box", "cylinder", "cone", "torus", "bowl", "funnel", "mesh", *COMBINATIONS)

@@ -1,5 +1,6 @@
 """Surfaces: any solid as a signed distance function."""
 
+from surfsup.sdf.boxes import Boxes
 from surfsup.sdf.combine import Difference, Intersection, Union
 from surfsup.sdf.mesh import MeshSurface
 from surfsup.sdf.mesh_file import MeshWarning, fit_mesh, load_mesh
@@ -13,6 +14,7 @@ __all__ = [
     "WALL",
     "Bowl",
     "Box",
+    "Boxes",
     "CappedCone",
     "Cylinder",
     "Difference",

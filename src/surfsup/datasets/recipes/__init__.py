@@ -1,11 +1,12 @@
 """Recipes: which scenes a data set is made of. A file a recipe."""
 
 from surfsup.datasets.recipes.bowls import Bowls
+from surfsup.datasets.recipes.chairs import Chairs
 from surfsup.datasets.recipes.funnels import Funnels
 from surfsup.datasets.recipes.prim_shapes import PrimShapes
 from surfsup.datasets.recipes.prim_unions import PrimUnions
 from surfsup.datasets.recipes.recipe import Recipe
 
-RECIPES: dict[str, type[Recipe]] = {recipe.name: recipe for recipe in (PrimShapes, PrimUnions, Funnels, Bowls)}
+RECIPES: dict[str, type[Recipe]] = {recipe.name: recipe for recipe in (PrimShapes, PrimUnions, Funnels, Bowls, Chairs)}
 
 __all__ = ["RECIPES", "Recipe"]

@@ -13,7 +13,7 @@ from surfsup.scene import Container, Scene, Shape
 from surfsup.scene.shapes import FunnelShape
 
 CAPTURE_RADIUS = (0.1, 0.35)
-FILTER_RADIUS = (0.04, 0.095)  # narrower than 0.024 m no particle fits through, and few do much above that
+FILTER_RADIUS = (0.065, 0.12)  # a narrower spout, two particles wide, clogs, and the solver lets the water burst
 HEIGHT = (0.15, 0.35)  # metres of cone
 SPOUT = (0.05, 0.15)
 LIFT = (0.15, 0.5)  # metres from the floor to the spout

@@ -44,4 +44,7 @@ class Recipe(ABC):
 
     @abstractmethod
     def scene(self, index: int, random: np.random.Generator) -> Scene:
-        """Scene number ``index``; all that is left open is drawn from ``random``."""
+        """Scene number ``index``; all that is left open is drawn from ``random``.
+
+        Files that it names are found from the data set's folder.
+        """
