@@ -26,13 +26,19 @@ def fall() -> tuple[np.ndarray, np.ndarray]:
 
 
 def complaint(positions: np.ndarray, velocities: np.ndarray) -> str | None:
-    check = Check(SCENE, SCENE.build_surface())
-    try:
-        for frame in zip(positions, velocities, strict=True):
-            check.look_at(*frame)
-    except UnphysicalError as error:
-        return str(error)
-    return None
+    """What is found, which must not depend on how many frames are looked at together."""
+    found = set()
+    for together in (1, 7, FRAMES):
+        check = Check(SCENE, SCENE.build_surface())
+        try:
+            for first in range(0, FRAMES, together):
+                check.look_at(positions[first : first + together], velocities[first : first + together])
+        except UnphysicalError as error:
+            found.add(str(error))
+        else:
+            found.add(None)
+    (said,) = found
+    return said
 
 
 @pytest.mark.parametrize(
@@ -58,9 +64,9 @@ def test_a_velocity_that_is_not_finite_is_found():
     assert complaint(positions, velocities) == "a position or velocity is not finite"
 
 
-@pytest.mark.parametrize(("speed", "said"), [(14.0, None), (15.0, "a particle flew at 15 m/s")])
-def test_a_particle_may_be_three_times_as_fast_as_a_fall_to_the_floor(speed, said):
-    """From 1.18 m that is 4.81 m/s. The others lose the energy that it takes."""
+@pytest.mark.parametrize(("speed", "said"), [(29.0, None), (31.0, "a particle flew at 31 m/s")])
+def test_a_particle_may_fly_its_diameter_in_a_step_of_the_solver(speed, said):
+    """The others lose the energy that it takes."""
     positions, velocities = fall()
     velocities[45:] = 0
     velocities[45:, 0, 0] = speed
@@ -102,20 +108,20 @@ class Counted(Surface):
         return self.ball.bounds()
 
 
-@given(seed=st.integers(0, 10_000), step=st.floats(0.001, 0.2))
-def test_no_particle_gets_inside_unseen_however_it_wanders(seed, step):
+@given(seed=st.integers(0, 10_000), step=st.floats(0.001, 0.2), together=st.integers(1, 9))
+def test_no_particle_gets_inside_unseen_however_it_wanders(seed, step, together):
     random = np.random.default_rng(seed)
+    steps = random.normal(scale=step, size=(60, 3, 4))
+    positions = np.array([0.5, 0.3, 0.2])[:, None] + steps.cumsum(axis=0)
+    depth = 0.2 - np.linalg.norm(positions, axis=1).min()
     surface = Counted()
     watch = SolidWatch(surface)
-    positions = np.array([[0.5], [0.3], [0.2]]) * np.ones((3, 4))
-    for _ in range(60):
-        inside = bool((np.linalg.norm(positions, axis=0) < 0.2 - 1e-6).any())
-        try:
-            watch.look_at(positions)
-        except UnphysicalError:
-            assert (np.linalg.norm(positions, axis=0) < 0.2 + 1e-6).any()
-            return
-        assert not inside
-        positions = positions + random.normal(scale=step, size=positions.shape)
-    if step < 0.002:
-        assert surface.asked < 60, "far from the solid few distances are measured"
+    try:
+        for first in range(0, 60, together):
+            watch.look_at(positions[first : first + together])
+    except UnphysicalError:
+        assert depth > -1e-6
+    else:
+        assert depth < 1e-6
+        if step < 0.002:
+            assert surface.asked < 60, "far from the solid few distances are measured"

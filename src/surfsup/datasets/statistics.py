@@ -32,9 +32,9 @@ class Sums:
     squares: dict[str, np.ndarray] = field(default_factory=lambda: {name: np.zeros(3) for name in QUANTITIES})
 
     def add(self, name: str, values: np.ndarray) -> None:
-        """Add ``values`` (3, N) of the quantity ``name``; NumPy's sums along memory are pairwise, so precise."""
-        self.sums[name] += values.sum(axis=1)
-        self.squares[name] += np.square(values).sum(axis=1)
+        """Add ``values`` (K, 3, N) of the quantity ``name``; NumPy's sums along memory are pairwise, so precise."""
+        self.sums[name] += values.sum(axis=2).sum(axis=0)
+        self.squares[name] += np.square(values).sum(axis=2).sum(axis=0)
 
     def to_notes(self) -> dict[str, object]:
         """As numbers and arrays that a trajectory file can hold."""
@@ -64,17 +64,22 @@ class Tally:
         """Start with nothing; ``gravity`` in m/s² shapes the free fall."""
         self.sums = Sums()
         self._drop = free_fall_drop(torch.tensor(gravity, dtype=torch.float64)).numpy()[:, None]
-        self._before: tuple[np.ndarray, np.ndarray] | None = None
+        self._last: tuple[np.ndarray, np.ndarray] | None = None
 
     def look_at(self, positions: np.ndarray, velocities: np.ndarray) -> None:
-        """Add the next frame: positions (3, N) in metres and velocities (3, N) in m/s, float64; both are kept."""
-        if self._before is not None:
-            old_positions, old_velocities = self._before
-            self.sums.samples += positions.shape[1]
-            self.sums.add("velocity", velocities)
-            self.sums.add("velocity_change", velocities - old_velocities)
-            self.sums.add("beyond_ballistic", positions - old_positions - FRAME_TIME * old_velocities - self._drop)
-        self._before = positions, velocities
+        """Add the next frames: positions (K, 3, N) in metres and velocities (K, 3, N) in m/s, float64."""
+        if self._last is not None:
+            last_positions, last_velocities = self._last
+            positions = np.concatenate([last_positions, positions])
+            velocities = np.concatenate([last_velocities, velocities])
+        self._last = positions[-1:], velocities[-1:]
+        if len(positions) == 1:
+            return
+        falls = FRAME_TIME * velocities[:-1] + self._drop
+        self.sums.samples += (len(positions) - 1) * positions.shape[2]
+        self.sums.add("velocity", velocities[1:])
+        self.sums.add("velocity_change", np.diff(velocities, axis=0))
+        self.sums.add("beyond_ballistic", np.diff(positions, axis=0) - falls)
 
 
 def normalisation(scenes: Iterable[Sums]) -> dict[str, object]:
