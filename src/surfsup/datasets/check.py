@@ -57,7 +57,7 @@ class Check:
         squared_speed = np.einsum("kij,kij->kj", velocities, velocities)
         fastest = math.sqrt(squared_speed.max())
         if fastest > FASTEST:
-            raise UnphysicalError(f"a particle flew at {fastest:.3g} m/s, more than its diameter in a step of the solver")
+            raise UnphysicalError(f"a particle flew at {fastest:.3g} m/s, past its neighbours in a step of the solver")
         self._look_at_energy(positions, squared_speed)
         for frame in range(-self._frames % DENSITY_EVERY, len(positions), DENSITY_EVERY):
             density = float(number_density(positions[frame]).max())
