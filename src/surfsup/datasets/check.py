@@ -18,8 +18,8 @@ ENERGY_GAIN = 0.05
 # the lattice's number density, and 38 neighbours within 0.06 m instead of 32.
 DENSITY_CEILING = 1.05
 DENSITY_EVERY = 25  # frames: looking takes 2 ms, and what clumps stays clumped
-# m/s: a particle that passes its neighbours within one step of the solver has not been simulated. Jets are slower: 9.7
-# in primitives, 14 to 18 below funnels, which squirt.
+# m/s: a particle that passes its neighbours within one step of the solver has not been simulated. Jets are slower: 11
+# from primitives, 14 to 18 below funnels, 26 from the hole of a bowl; a dozen particles each, and no energy is gained.
 FASTEST = SPACING / SOLVER_STEP
 REACH_SHARE = 0.999  # of a distance that a particle may move before it is measured again; less than 1 for rounding
 
