@@ -13,6 +13,22 @@ from torch import Tensor, nn
 from surfsup.model.state import Surroundings
 
 
+class Sizes(Protocol):
+    """What every simulator's architecture, a dataclass, has."""
+
+    @property
+    def width(self) -> int:
+        """Channels of every particle."""
+
+    @property
+    def layers(self) -> int:
+        """Steps of message passing."""
+
+    @property
+    def radius(self) -> float:
+        """Connectivity radius in metres."""
+
+
 class FluidState(Protocol):
     """What every simulator's state tells of the fluid at the end of a frame."""
 
@@ -33,9 +49,16 @@ class LearnedSimulator(nn.Module, ABC, Generic[StateType]):
 
     Attributes:
         kind: the name under which its weights are saved.
+        architecture_type: the dataclass of its sizes; it is made from one of these.
+        architecture: its sizes.
     """
 
     kind: ClassVar[str]
+    architecture_type: ClassVar[type]
+
+    def __init__(self, architecture: Sizes) -> None:
+        super().__init__()
+        self.architecture = architecture
 
     @property
     @abstractmethod

@@ -10,6 +10,7 @@ from scipy.spatial import cKDTree
 from torch import Tensor
 
 from surfsup.errors import SimulationError
+from surfsup.model.neighbours_device import pairs_by_cells
 
 
 @dataclass(frozen=True)
@@ -30,25 +31,34 @@ class Neighbourhood:
 def neighbourhood(positions: Tensor, radius: float) -> Neighbourhood:
     """All pairs of ``positions`` (N, 3) nearer than ``radius``, in both directions.
 
-    The search runs on the CPU (scipy's k-d tree, unbalanced, which is the fastest to build: measured), the
-    result lies on the device of ``positions``.
+    The search runs where the positions are; the result lies there too.
 
     Raises:
         SimulationError: a position is not finite.
     """
-    count = len(positions)
-    points = positions.detach().cpu().numpy()
+    find_pairs = pairs_by_tree if positions.device.type == "cpu" else pairs_by_cells
+    receivers, senders = find_pairs(positions, radius)
+    count = torch.arange(len(positions) + 1, device=positions.device)
+    return Neighbourhood(torch.searchsorted(receivers, count), receivers, senders)
+
+
+def pairs_by_tree(positions: Tensor, radius: float) -> tuple[Tensor, Tensor]:
+    """Receivers (E,) and senders (E,), ordered by receiver, then by sender.
+
+    By scipy's k-d tree, unbalanced, which is the fastest to build on a CPU (measured).
+
+    Raises:
+        SimulationError: a position is not finite.
+    """
+    points = positions.detach().numpy()
     if not np.isfinite(points).all():
         raise SimulationError("the simulation blew up: a particle's position is not a finite number")
     tree = cKDTree(points, balanced_tree=False, compact_nodes=False)
     pairs = tree.query_pairs(radius, output_type="ndarray")
     receivers = np.concatenate([pairs[:, 0], pairs[:, 1]])
     senders = np.concatenate([pairs[:, 1], pairs[:, 0]])
-    order = np.argsort(receivers * count + senders)
-    receivers, senders = receivers[order], senders[order]
-    starts = np.searchsorted(receivers, np.arange(count + 1))
-    device = positions.device
-    return Neighbourhood(*(torch.from_numpy(part).to(device) for part in (starts, receivers, senders)))
+    order = np.argsort(receivers * len(points) + senders)
+    return torch.from_numpy(receivers[order]), torch.from_numpy(senders[order])
 
 
 def join_neighbourhoods(parts: list[Neighbourhood]) -> Neighbourhood:

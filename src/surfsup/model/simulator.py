@@ -73,10 +73,10 @@ class Simulator(LearnedSimulator[State]):
     """Moves fluid particles by one frame of 0.005 s."""
 
     kind: ClassVar[str] = "convolution"
+    architecture_type: ClassVar[type] = Architecture
 
     def __init__(self, architecture: Architecture) -> None:
-        super().__init__()
-        self.architecture = architecture
+        super().__init__(architecture)
         self.network = ConvolutionNetwork(ACTIONS, SURROUNDINGS, OUTPUTS, architecture.width, architecture.layers)
 
     @property

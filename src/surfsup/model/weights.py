@@ -13,10 +13,12 @@ from safetensors.torch import save_file
 from torch import Tensor
 
 from surfsup.errors import InputError
-from surfsup.model.simulator import Architecture, Simulator
+from surfsup.model.kinds import KINDS
+from surfsup.model.learned_simulator import LearnedSimulator, Sizes
 
 FORMAT = "surfsup-simulator-2"
 DEFAULT_MODEL = "first"
+FIRST_KIND = "convolution"  # of files from before there was another, which name none
 
 
 @dataclass(frozen=True)
@@ -32,10 +34,11 @@ class Card:
     about: str
 
 
-def save(path: Path, simulator: Simulator, card: Card) -> None:
+def save(path: Path, simulator: LearnedSimulator, card: Card) -> None:
     """Write the weights and their card to ``path``; one that is there is replaced when all is written."""
     header = {
         "format": FORMAT,
+        "kind": simulator.kind,
         "architecture": json.dumps(asdict(simulator.architecture)),
         "card": json.dumps(asdict(card)),
     }
@@ -44,11 +47,12 @@ def save(path: Path, simulator: Simulator, card: Card) -> None:
     partial.replace(path)
 
 
-def load(path: Path) -> tuple[Simulator, Card]:
+def load(path: Path) -> tuple[LearnedSimulator, Card]:
     """The simulator whose weights are in ``path``, ready to roll out, and its card.
 
     Raises:
-        InputError: the file is missing, cut off, not safetensors, or of another architecture.
+        InputError: the file is missing, cut off, not safetensors, of a kind that is not known here, or of another
+            architecture.
     """
     if not path.is_file():
         raise InputError(f"{path}: there is no such weights file")
@@ -60,11 +64,17 @@ def load(path: Path) -> tuple[Simulator, Card]:
                     f"{path}: holds '{header.get('format', 'something else')}', not weights of a simulator "
                     f"of this version ('{FORMAT}')"
                 )
+            kind = KINDS.get(header.get("kind", FIRST_KIND))
+            if kind is None:
+                raise InputError(
+                    f"{path}: is of a simulator of kind '{header['kind']}', which this version does not know; "
+                    f"it knows {', '.join(KINDS)}"
+                )
             names = file.keys()  # the file itself is no mapping
             tensors = {name: file.get_tensor(name) for name in names}
-        architecture = Architecture(**json.loads(header["architecture"]))
+        architecture = kind.architecture_type(**json.loads(header["architecture"]))
         check_sizes(architecture, tensors)
-        simulator = Simulator(architecture)
+        simulator = kind(architecture)
         simulator.load_state_dict(tensors)
         card = Card(**json.loads(header["card"]))
     except SafetensorError as error:
@@ -81,7 +91,7 @@ def load(path: Path) -> tuple[Simulator, Card]:
     return simulator.eval().requires_grad_(False), card
 
 
-def check_sizes(architecture: Architecture, tensors: dict[str, Tensor]) -> None:
+def check_sizes(architecture: Sizes, tensors: dict[str, Tensor]) -> None:
     """Refuse sizes that the tensors cannot fill before a network of those sizes takes all memory.
 
     Raises:
