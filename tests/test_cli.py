@@ -13,6 +13,7 @@ import pytest
 import trimesh
 
 from surfsup.trajectory import Trajectory
+from tests.evaluation.scenes import free_fall, write
 
 SCENE = """
 surface: {sphere: {radius: 0.2}, at: [0, 0, 0.2]}
@@ -77,6 +78,21 @@ def test_a_picture_of_a_frame_and_the_page_can_be_made_later(scene, tmp_path):
     assert (refused.returncode, "has the frames 0 to 2" in refused.stderr) == (2, True)
 
 
+def test_a_model_is_judged_into_a_report_and_its_rollout_can_be_compared_again(tmp_path):
+    truth = write(tmp_path / "falls/00000.h5", *free_fall())
+    (tmp_path / "falls/broken.h5").write_text("not HDF5")
+    done = surfsup("evaluate", "first", tmp_path / "falls", "-o", tmp_path / "report", "--no-video")
+    assert done.returncode == 0, done.stderr
+    assert "no floor (make it with 'surfsup floor" in done.stdout
+    assert "1 skipped" in done.stdout
+    assert sorted(os.listdir(tmp_path / "report")) == ["report.html", "report.json", "trajectories"]
+    rollout = tmp_path / "report/trajectories/falls/00000.h5"
+    compared = surfsup("compare", rollout, truth, "-o", tmp_path / "new/pair.json")
+    assert compared.returncode == 0, compared.stderr
+    report, pair = (json.loads((tmp_path / name).read_text()) for name in ("report/report.json", "new/pair.json"))
+    assert pair["windows"] == report["scenes"][0]["windows"]
+
+
 @pytest.mark.parametrize(
     ("arguments", "complaint"),
     [
@@ -96,6 +112,8 @@ def test_a_picture_of_a_frame_and_the_page_can_be_made_later(scene, tmp_path):
         (["train", "first", "widht=8", "--data", ".", "--validation", ".", "-o", "run"], "did you mean 'width'"),
         (["train", "first", "--data", ".", "--validation", ".", "-o", "run"], "no trajectories"),
         (["evaluate", "first", ".", "-o", "report"], "no trajectories"),
+        (["compare", "SCENE", "nothing.h5"], "not a trajectory"),
+        (["compare", "nothing.h5", "SCENE"], "there is no such trajectory file"),
         (["view", "SCENE"], "not a trajectory"),
     ],
 )
@@ -148,5 +166,5 @@ def test_without_graphics_the_package_is_named_and_no_video_still_works(scene, t
 
 def test_help_and_version_are_instant_and_every_verb_has_an_example():
     assert surfsup("--version").stdout.strip()
-    for verb in ("simulate", "reference", "generate", "train", "evaluate", "view", "render", "doctor"):
+    for verb in ("simulate", "reference", "generate", "train", "evaluate", "compare", "view", "render", "doctor"):
         assert f"surfsup {verb}" in surfsup(verb, "--help").stdout

@@ -46,6 +46,7 @@ BlockMax = Annotated[Vector | None, typer.Option(help="Upper corner of the block
 ContainerSize = Annotated[Vector | None, typer.Option("--container", help="Sides of the container; 1 1 2.")]
 NoPage = Annotated[bool, typer.Option("--no-page", help="Leave out page.html.")]
 NoVideo = Annotated[bool, typer.Option("--no-video", help="Leave out video.mp4.")]
+NoVideos = Annotated[bool, typer.Option("--no-video", help="Leave out the videos of the page.")]
 Model = Annotated[str | None, typer.Option(help="A shipped model's name or a .safetensors file.")]
 Device = Annotated[str | None, typer.Option(help="cpu or cuda; a GPU is taken where there is one.")]
 Workers = Annotated[int | None, typer.Option(help="Simulations side by side on this machine; 2 by default.")]
@@ -233,15 +234,18 @@ def evaluate(
     no_guard: Annotated[bool, typer.Option("--no-guard", help="Judge the network without the guard.")] = False,
     near: Near = 0.09,
     device: Device = None,
+    no_video: NoVideos = False,
 ) -> None:
-    """Judge a model on held-out trajectories of the reference solver.
+    """Judge a model on held-out trajectories of the reference solver, beside their floor where there is one.
 
     Example: surfsup evaluate first data/test -o out/report
     """
     from surfsup.evaluation import report
     from surfsup.evaluation.evaluate import evaluate as judge
+    from surfsup.evaluation.page import write_page
     from surfsup.evaluation.table import evaluation_text
     from surfsup.evaluation.usable import data_sets, usable_truths
+    from surfsup.evaluation.videos import examples, why_no_videos, write_videos
     from surfsup.model import weights
     from surfsup.model.simulate import choose_device
 
@@ -257,7 +261,39 @@ def evaluate(
     found = report.evaluation_report(report.Subject(card, not no_guard, near), sets, scenes, skipped, folder)
     report.write_json(folder / "report.json", found)
     typer.echo(evaluation_text(scenes, sets, skipped))
-    typer.echo(f"numbers  {folder / 'report.json'}")
+    shown, missing = ([], None) if no_video else (examples(scenes), why_no_videos())
+    if missing:
+        shown = []
+        typer.echo(missing)
+    with bar("drawing the videos") as tell:
+        write_videos(folder, shown, card.name, tell)
+    write_page(folder / "report.html", found, shown, missing)
+    typer.echo(f"numbers       {folder / 'report.json'}")
+    typer.echo(f"trajectories  {folder / 'trajectories'}")
+    typer.echo(f"page          {folder / 'report.html'}  (open it in a browser, no network needed)")
+
+
+@app.command()
+def compare(
+    judged: Annotated[Path, typer.Argument(metavar="TRAJECTORY", help="What is judged.")],
+    truth: Annotated[Path, typer.Argument(metavar="TRUTH", help="What it is judged by, of the same scene.")],
+    out: Annotated[Path | None, typer.Option("-o", "--out", help="A JSON file for the numbers and curves.")] = None,
+    near: Near = 0.09,
+) -> None:
+    """Judge one trajectory by another of the same scene, beside the floor where there is one.
+
+    Example: surfsup compare out/bunny/trajectory.h5 out/bunny-truth/trajectory.h5
+    """
+    from surfsup.evaluation.pair import judge_pair
+    from surfsup.evaluation.report import make_folder, write_json
+
+    with bar("comparing") as tell:
+        pair = judge_pair(judged, truth, near, tell)
+    typer.echo(pair.text())
+    if out is not None:
+        make_folder(out.parent)
+        write_json(out, pair.report())
+        typer.echo(f"written to {out}")
 
 
 @app.command()

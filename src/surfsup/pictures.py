@@ -7,16 +7,19 @@ from collections.abc import Callable
 from pathlib import Path
 
 import av
+import numpy as np
 import trimesh
 
 from surfsup.errors import InputError
 from surfsup.scene import FRAME_TIME, PARTICLE_RADIUS, Scene
 from surfsup.trajectory import Trajectory
+from surfsup.viewing.label import label
 from surfsup.viewing.render import FrameRenderer
 from surfsup.viewing.video import choose_frames, write_video
 from surfsup.viewing.viewer import write_page
 
 SOLID_RESOLUTION = 160
+ALONE, BESIDE = (960, 720), (640, 480)  # pixels of a picture alone and of each of two beside each other
 
 Tell = Callable[[int, int], None]
 
@@ -53,6 +56,28 @@ def write_video_of(trajectory: Path, video: Path, tell: Tell) -> Path:
     return video
 
 
+def write_side_by_side(left: Path, right: Path, labels: tuple[str, str], video: Path, tell: Tell) -> Path:
+    """Draw two trajectory files of one scene beside each other as a video, over the frames of both.
+
+    Light and camera are those of the scene on the right. Returns the video's path.
+    """
+    with Trajectory(left) as one, Trajectory(right) as other:
+        renderer = renderer_of(other, BESIDE)
+        chosen = choose_frames(min(len(one), len(other)), FRAME_TIME)
+        images = (
+            np.hstack(
+                [
+                    label(renderer.image(frames.positions[frame]), text)
+                    for frames, text in zip((one, other), labels, strict=True)
+                ]
+            )
+            for frame in chosen
+        )
+        write_video(video, images, progress=tell, total=len(chosen))
+        renderer.close()
+    return video
+
+
 def write_picture_of(trajectory: Path, picture: Path, frame: int) -> Path:
     """Draw one frame of the trajectory in the file ``trajectory`` as a PNG; returns its path.
 
@@ -74,6 +99,7 @@ def write_picture_of(trajectory: Path, picture: Path, frame: int) -> Path:
     return picture
 
 
-def renderer_of(frames: Trajectory) -> FrameRenderer:
-    """A renderer whose camera sees the solid and where the water starts."""
-    return FrameRenderer(solid_of(frames.scene), frames.scene.container.size, PARTICLE_RADIUS, frames.positions[0])
+def renderer_of(frames: Trajectory, size: tuple[int, int] = ALONE) -> FrameRenderer:
+    """A renderer of pictures of ``size`` (width, height) whose camera sees the solid and where the water starts."""
+    scene = frames.scene
+    return FrameRenderer(solid_of(scene), scene.container.size, PARTICLE_RADIUS, frames.positions[0], size)

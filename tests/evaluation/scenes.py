@@ -50,6 +50,10 @@ class Replay:
         """It plays on every device."""
         return self
 
+    def start(self, positions: torch.Tensor, velocities: torch.Tensor, around: object) -> State:
+        """It starts where its first frame is, whatever it is told."""
+        return State.in_free_fall(positions, velocities, around.gravity)
+
     def rollout(self, state, around, frames, guarded=True) -> Iterator[tuple[State, torch.Tensor]]:
         """The given frames, whatever the state."""
         for positions, velocities in self.frames[:frames]:

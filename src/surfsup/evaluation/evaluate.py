@@ -13,7 +13,7 @@ from surfsup.evaluation.metrics import NEAR
 from surfsup.evaluation.rollout import roll_out
 from surfsup.evaluation.scores import ByWindow, mean_scores, scores
 from surfsup.evaluation.usable import Truth
-from surfsup.model.simulator import Simulator
+from surfsup.model.learned_simulator import LearnedSimulator
 from surfsup.trajectory import Trajectory
 
 ROLLOUTS = "trajectories"  # folder in the report
@@ -92,7 +92,7 @@ def judge_file(
 
 
 def evaluate(
-    model: Simulator,
+    model: LearnedSimulator,
     name: str,
     truths: Sequence[Truth],
     report: Path,

@@ -15,8 +15,8 @@ import torch
 from surfsup.errors import InputError
 from surfsup.evaluation.metrics import NO_CHAMFER, Chamfer, centre_height, chamfer, kinetic_energy
 from surfsup.evaluation.scores import ratio
-from surfsup.model.simulator import Simulator
-from surfsup.model.state import State, Surroundings
+from surfsup.model.learned_simulator import LearnedSimulator
+from surfsup.model.state import Surroundings
 from surfsup.trajectory import Trajectory
 
 
@@ -51,7 +51,7 @@ class Scores:
 
 
 @torch.no_grad()
-def rollout_scores(model: Simulator, truth: Trajectory, frames: int, every: int = 1) -> Scores:
+def rollout_scores(model: LearnedSimulator, truth: Trajectory, frames: int, every: int = 1) -> Scores:
     """Roll the model out from the start of ``truth`` and score its first frames.
 
     Args:
@@ -64,9 +64,7 @@ def rollout_scores(model: Simulator, truth: Trajectory, frames: int, every: int 
     around = Surroundings.of(truth.scene, surface)
     frames = min(frames, len(truth))
     true_positions, true_velocities = truth.positions[:frames], truth.velocities[:frames]
-    state = State.in_free_fall(
-        torch.from_numpy(true_positions[0]), torch.from_numpy(true_velocities[0]), around.gravity
-    )
+    state = model.start(torch.from_numpy(true_positions[0]), torch.from_numpy(true_velocities[0]), around)
     tally = Tally()
     for frame, (now, moved) in enumerate(model.rollout(state, around, frames)):
         positions, velocities = now.positions.numpy(), now.velocities.numpy()
@@ -110,7 +108,7 @@ class Tally:
         )
 
 
-def judge(model: Simulator, folder: Path, scenes: int, frames: int) -> Scores:
+def judge(model: LearnedSimulator, folder: Path, scenes: int, frames: int) -> Scores:
     """Mean scores over the first ``scenes`` trajectories of ``folder``; Chamfer at every fifth frame.
 
     Raises:

@@ -165,5 +165,12 @@ def plain(values: np.ndarray) -> list[float | None]:
 
 
 def write_json(path: Path, report: dict) -> None:
-    """Write ``report``; curves stand on one line each."""
-    path.write_text(json.dumps(report, allow_nan=False, separators=(",", ":")) + "\n")
+    """Write ``report``.
+
+    Raises:
+        InputError: the file cannot be written.
+    """
+    try:
+        path.write_text(json.dumps(report, allow_nan=False, separators=(",", ":")) + "\n")
+    except OSError as error:
+        raise InputError(f"{path}: cannot be written ({error.strerror})") from None

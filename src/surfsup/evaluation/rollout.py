@@ -8,14 +8,14 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from surfsup.model.simulator import Simulator
-from surfsup.model.state import State, Surroundings
+from surfsup.model.learned_simulator import LearnedSimulator
+from surfsup.model.state import Surroundings
 from surfsup.trajectory import Provenance, Trajectory, TrajectoryWriter
 
 
 @torch.no_grad()
 def roll_out(
-    model: Simulator,
+    model: LearnedSimulator,
     truth: Trajectory,
     path: Path,
     name: str,
@@ -46,8 +46,8 @@ def roll_out(
     scene = truth.scene.with_frames(len(truth))
     around = Surroundings.of(scene, scene.build_surface(), device)
     start, velocities = (torch.from_numpy(data[0]).to(device) for data in (truth.positions, truth.velocities))
-    state = State.in_free_fall(start, velocities, around.gravity)
-    rollout = model.to(device).rollout(state, around, len(truth), guarded)
+    model = model.to(device)
+    rollout = model.rollout(model.start(start, velocities, around), around, len(truth), guarded)
     gone = np.full(start.shape, np.nan, dtype=np.float32)
     shares, alive = [], True
     with TrajectoryWriter(path, scene, Provenance(name), len(start)) as writer:

@@ -56,7 +56,7 @@ def judgement_text(judgement: Judgement) -> str:
             (window, judgement.scores[window], judgement.floor.get(window), ratio.get(window))
             for window in judgement.scores
         ]
-        lines += [*head(metrics, grounded), *rows(values, metrics, grounded), ""]
+        lines += [*head(metrics, grounded, "judged"), *rows(values, metrics, grounded), ""]
     return "\n".join([*lines, *legend(BY_KEY)])
 
 
@@ -65,14 +65,14 @@ def values_of(mean: Summary, window: str) -> tuple[Values | None, Values | None,
     return mean.model.get(window), mean.floor.get(window), mean.ratio.get(window)
 
 
-def head(metrics: Sequence[Metric], grounded: bool) -> list[str]:
+def head(metrics: Sequence[Metric], grounded: bool, own: str = "model") -> list[str]:
     """The two lines above the columns of ``metrics``, with floor and ratio where the table has them."""
     width = COLUMN + (COLUMN + RATIO if grounded else 0)
     names = [f"{metric.name}{', ' + metric.unit if metric.unit else ''}" for metric in metrics]
     if not grounded:
         width = max(COLUMN, *(len(name) + 2 for name in names))
         return [" " * LABEL + "".join(f"{name:>{width}}" for name in names)]
-    below = f"{'model':>{COLUMN}}{'floor':>{COLUMN}}{'ratio':>{RATIO}}"
+    below = f"{own:>{COLUMN}}{'floor':>{COLUMN}}{'ratio':>{RATIO}}"
     return [" " * LABEL + "".join(f"{name:>{width}}" for name in names), " " * LABEL + below * len(metrics)]
 
 
@@ -127,7 +127,7 @@ def guard_line(guarded: Sequence[float]) -> str:
 def legend(keys: Sequence[str]) -> list[str]:
     """What the columns mean, a line each."""
     return [f"{BY_KEY[key].name}: {BY_KEY[key].tells}" for key in keys] + [
-        "floor: the truth against itself, started 1 mm away; ratio: model over floor, 1 is as good as can be"
+        "floor: the truth against itself, started 1 mm away; ratio: value over floor, 1 is as good as can be"
     ]
 
 
