@@ -111,6 +111,9 @@ def test_a_model_is_judged_into_a_report_and_its_rollout_can_be_compared_again(t
         (["train", "first", "width", "--data", ".", "--validation", ".", "-o", "run"], "key=value"),
         (["train", "first", "widht=8", "--data", ".", "--validation", ".", "-o", "run"], "did you mean 'width'"),
         (["train", "first", "--data", ".", "--validation", ".", "-o", "run"], "no trajectories"),
+        (["train", "first", "--validation", ".", "-o", "run"], "either --data DIR or --stream RECIPE"),
+        (["train", "first", "--stream", "nothing", "--validation", ".", "-o", "run"], "no recipe 'nothing'"),
+        (["floor", "."], "no trajectories"),
         (["evaluate", "first", ".", "-o", "report"], "no trajectories"),
         (["compare", "SCENE", "nothing.h5"], "not a trajectory"),
         (["compare", "nothing.h5", "SCENE"], "there is no such trajectory file"),
@@ -166,5 +169,6 @@ def test_without_graphics_the_package_is_named_and_no_video_still_works(scene, t
 
 def test_help_and_version_are_instant_and_every_verb_has_an_example():
     assert surfsup("--version").stdout.strip()
-    for verb in ("simulate", "reference", "generate", "train", "evaluate", "compare", "view", "render", "doctor"):
+    verbs = "simulate reference generate floor train evaluate compare view render doctor"
+    for verb in verbs.split():
         assert f"surfsup {verb}" in surfsup(verb, "--help").stdout

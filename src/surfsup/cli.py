@@ -187,28 +187,38 @@ def floor(
 @app.command()
 def train(
     preset: Annotated[str, typer.Argument(metavar="PRESET|CONFIG.yaml", help="What to train, and how.")],
-    data: Annotated[Path, typer.Option(help="Folder of training trajectories.")],
     validation: Annotated[Path, typer.Option(help="Folder of trajectories that choose the checkpoint.")],
     out: Annotated[Path, typer.Option("-o", "--out", help="Folder of the run.")],
+    data: Annotated[Path | None, typer.Option(help="Folder of training trajectories.")] = None,
+    stream: Annotated[str | None, typer.Option(help="Train on new scenes of this recipe as they are made.")] = None,
+    workers: Workers = None,
+    scheduler: Scheduler = None,
     overrides: Annotated[list[str] | None, typer.Argument(metavar="key=value")] = None,
     time_limit: Annotated[str, typer.Option("--time", help="Stop after so long: 90s, 30m, 2h.")] = "",
     resume: Annotated[bool, typer.Option("--resume", help="Go on from the folder's checkpoint.")] = False,
     start: Annotated[str | None, typer.Option(help="Begin with the weights of this model or file.")] = None,
     threads: Annotated[int, typer.Option(min=1, help="Threads of torch.")] = 1,
 ) -> None:
-    """Train a learned simulator.
+    """Train a learned simulator, on a folder of trajectories or on a stream of new ones.
 
     Example: surfsup train first --data data/train --validation data/validation -o runs/first --time 1h
     """
     import time
+    from contextlib import ExitStack
 
     import torch
 
+    from surfsup.datasets.streamed_windows import StreamedWindows, stream_for_training
+    from surfsup.datasets.windows import Windows
     from surfsup.model import weights
     from surfsup.training.config import load_config, seconds_of
     from surfsup.training.train import Run
     from surfsup.training.train import train as run_training
 
+    if (data is None) == (stream is None):
+        raise InputError("train on either --data DIR or --stream RECIPE")
+    if data is not None and (workers or scheduler):
+        raise InputError("--workers and --scheduler are for --stream, but --data needs none")
     torch.set_num_threads(threads)
     config = load_config(preset, overrides)
     limit = seconds_of(time_limit) if time_limit else float("inf")
@@ -219,8 +229,14 @@ def train(
         run.resume()
     elif run.checkpoint.exists():
         raise InputError(f"{out}: holds a run already; go on with --resume or take another folder")
-    with training_line() as tell:
-        run_training(run, data, validation, time.monotonic() + limit, tell)
+    with ExitStack() as stack:
+        if data is not None:
+            windows = Windows(data)
+        else:
+            coming = stack.enter_context(stream_for_training(stream, out, [config.seed, run.step], workers, scheduler))
+            windows = StreamedWindows(coming)
+        tell = stack.enter_context(training_line())
+        run_training(run, windows, validation, time.monotonic() + limit, tell)
     best = out / "best.safetensors"
     kept = f"best weights in {best}" if best.exists() else "no weights judged yet; go on with --resume"
     typer.echo(f"{run.step} of {config.last_step} steps done; {kept}")

@@ -61,15 +61,15 @@ def assert_same(one: Run, other: Run) -> None:
 
 def test_a_resumed_run_is_bit_for_bit_the_undisturbed_one(tmp_path, data):
     straight = Run(config(), tmp_path / "straight")
-    train(straight, data, data)
+    train(straight, Windows(data), data)
 
     # Stopped two steps after the checkpoint, so that two steps are lost and done again.
     with pytest.raises(Stop):
-        train(Run(config(), tmp_path / "halves"), data, data, report=stop_at(6))
+        train(Run(config(), tmp_path / "halves"), Windows(data), data, report=stop_at(6))
     resumed = Run(config(), tmp_path / "halves")
     resumed.resume()
     assert resumed.step == 4
-    train(resumed, data, data)
+    train(resumed, Windows(data), data)
 
     assert_same(resumed, straight)
     assert resumed.best == straight.best
@@ -80,7 +80,7 @@ def test_a_resumed_run_is_bit_for_bit_the_undisturbed_one(tmp_path, data):
 def test_a_run_leaves_checkpoint_log_and_the_best_weights(tmp_path, data):
     told = []
     run = Run(config(), tmp_path / "run")
-    train(run, data, data, report=told.append)
+    train(run, Windows(data), data, report=told.append)
     assert {path.name for path in run.folder.iterdir()} == {
         "checkpoint.safetensors",
         "log.csv",
@@ -99,7 +99,7 @@ def test_a_run_leaves_checkpoint_log_and_the_best_weights(tmp_path, data):
 def test_a_checkpoint_is_written_between_rollouts_too(tmp_path, data, monkeypatch):
     monkeypatch.setattr(training, "SAVE_EVERY", 2)
     with pytest.raises(Stop):
-        train(Run(config(judge_every=100), tmp_path), data, data, report=stop_at(3))
+        train(Run(config(judge_every=100), tmp_path), Windows(data), data, report=stop_at(3))
     resumed = Run(config(judge_every=100), tmp_path)
     resumed.resume()
     assert resumed.step == 2
@@ -107,20 +107,20 @@ def test_a_checkpoint_is_written_between_rollouts_too(tmp_path, data, monkeypatc
 
 def test_time_up_is_a_checkpoint_to_go_on_from(tmp_path, data):
     run = Run(config(), tmp_path)
-    train(run, data, data, until=time.monotonic() - 1)
+    train(run, Windows(data), data, until=time.monotonic() - 1)
     assert run.step == 0
     resumed = Run(config(), tmp_path)
     resumed.resume()
-    train(resumed, data, data)
+    train(resumed, Windows(data), data)
     straight = Run(config(), tmp_path / "straight")
-    train(straight, data, data)
+    train(straight, Windows(data), data)
     assert_same(resumed, straight)
 
 
 def test_a_finished_run_has_nothing_left_to_do(tmp_path, data):
     run = Run(config(steps=2), tmp_path)
-    train(run, data, data)
-    train(run, data, data)
+    train(run, Windows(data), data)
+    train(run, Windows(data), data)
     assert run.step == 2
 
 
@@ -155,7 +155,7 @@ def test_the_average_follows_the_weights(tmp_path, data):
 def test_a_loss_that_is_no_number_stops_with_the_checkpoint_before(tmp_path, data):
     sane = Run(config(steps=100), tmp_path)
     with pytest.raises(Stop):
-        train(sane, data, data, report=stop_at(5))
+        train(sane, Windows(data), data, report=stop_at(5))
     before = sane.checkpoint.read_bytes()
     wild = Run(config(steps=100), tmp_path)
     wild.resume()
@@ -163,7 +163,7 @@ def test_a_loss_that_is_no_number_stops_with_the_checkpoint_before(tmp_path, dat
         for value in wild.model.parameters():
             value.mul_(1e30)
     with pytest.raises(NotANumber, match=r"not a number at step 4; .*checkpoint"):
-        train(wild, data, data)
+        train(wild, Windows(data), data)
     assert sane.checkpoint.read_bytes() == before
     resumed = Run(config(steps=100), tmp_path)
     resumed.resume()
@@ -182,10 +182,10 @@ def test_a_step_that_is_no_number_leaves_the_weights_alone(tmp_path, data):
 
 def test_folders_without_trajectories_are_refused_before_anything_is_done(tmp_path, data):
     (tmp_path / "empty").mkdir()
-    for folders in ((tmp_path / "empty", data), (data, tmp_path / "empty")):
+    for train_on, judge_by in ((tmp_path / "empty", data), (data, tmp_path / "empty")):
         run = Run(config(), tmp_path / "run")
         with pytest.raises(InputError, match="empty: has no trajectories"):
-            train(run, *folders)
+            train(run, Windows(train_on), judge_by)
         assert run.step == 0
 
 
@@ -293,6 +293,6 @@ def test_a_run_can_start_from_trained_weights_of_its_own_architecture(tmp_path):
 
 def test_a_run_may_stop_before_its_schedule_ends(tmp_path, data):
     run = Run(config(stop=5), tmp_path)
-    train(run, data, data)
+    train(run, Windows(data), data)
     assert run.step == 5
     assert (tmp_path / "best.safetensors").exists()

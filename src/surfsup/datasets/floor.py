@@ -13,7 +13,7 @@ from surfsup.datasets.check import UnphysicalError
 from surfsup.datasets.folder import locked, whole_file
 from surfsup.datasets.pace import Pace
 from surfsup.datasets.simulation import Run, patiently
-from surfsup.datasets.work import crew
+from surfsup.datasets.work import crew, while_wanted
 from surfsup.errors import InputError
 from surfsup.reference import solver
 from surfsup.scene import Block, Fluid, Scene, Start
@@ -152,7 +152,7 @@ def run_again(original: Path, axis: int) -> float:
             whole_file(target) as path,
             TrajectoryWriter(path, run.scene, Provenance(solver.NAME), run.particles) as writer,
         ):
-            for positions, velocities in run:
+            for positions, velocities in while_wanted(run):
                 writer.append(positions, velocities)
 
     try:

@@ -13,7 +13,7 @@ from surfsup.datasets.folder import locked, whole_file
 from surfsup.datasets.made import Made, note_making
 from surfsup.datasets.pace import Pace
 from surfsup.datasets.simulation import Run, simulate_sound
-from surfsup.datasets.work import crew
+from surfsup.datasets.work import crew, while_wanted
 from surfsup.errors import InputError, SimulationError
 from surfsup.reference import solver
 from surfsup.trajectory import Provenance, TrajectoryWriter
@@ -112,7 +112,7 @@ def make_scene(drawing: Drawing, index: int) -> float:
             whole_file(path_of(drawing.folder, index)) as path,
             TrajectoryWriter(path, run.scene, provenance, run.particles) as writer,
         ):
-            for positions, velocities in run:
+            for positions, velocities in while_wanted(run):
                 writer.append(positions, velocities)
             note_making(writer, drawing, index, run)
 

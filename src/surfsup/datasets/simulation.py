@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from contextlib import closing
 from itertools import islice
 from typing import TypeVar
 
@@ -67,13 +68,13 @@ class Run:
         """
         check, tally = Check(self.scene, self._surface), Tally(self.scene.gravity)
         self.sums = tally.sums
-        frames = solver.simulate(self.scene, self._surface, self._start)
-        # Many small steps over little data cost more than the data: eight frames at once are three times as fast.
-        while some := list(islice(frames, FRAMES_AT_ONCE)):
-            rows = [np.ascontiguousarray(np.stack(part).swapaxes(1, 2), float) for part in zip(*some, strict=True)]
-            check.look_at(*rows)
-            tally.look_at(*rows)
-            yield from some
+        with closing(solver.simulate(self.scene, self._surface, self._start)) as frames:
+            # Many small steps over little data cost more than the data: eight frames at once are three times as fast.
+            while some := list(islice(frames, FRAMES_AT_ONCE)):
+                rows = [np.ascontiguousarray(np.stack(part).swapaxes(1, 2), float) for part in zip(*some, strict=True)]
+                check.look_at(*rows)
+                tally.look_at(*rows)
+                yield from some
 
 
 def simulate_sound(drawing: Drawing, index: int, take: Callable[[Run], T]) -> T:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Protocol
 
 import numpy as np
 import torch
@@ -47,6 +48,13 @@ class Window:
         )
 
 
+class WindowSource(Protocol):
+    """Where training draws its windows from."""
+
+    def draw(self, random: np.random.Generator, frames: int) -> Window:
+        """A window of ``frames`` frames after its first, of a random scene, place in time and symmetry."""
+
+
 class Windows:
     """Random windows of a folder of trajectories."""
 
@@ -80,17 +88,32 @@ class Windows:
         """
         scene = int(random.integers(len(self)))
         with Trajectory(self.paths[scene]) as trajectory:
-            last = len(trajectory) - 1 - frames
-            if last < 1:
-                raise InputError(
-                    f"{self.paths[scene]}: has {len(trajectory)} frames, training needs at least {frames + 2}"
-                )
-            early = random.random() < EARLY_SHARE
-            first = int(random.integers(1, min(EARLY_FRAMES, last + 1) if early else last + 1))
-            read = slice(first - 1, first + 1 + frames)
-            positions = torch.from_numpy(trajectory.positions[read])
-            velocities = torch.from_numpy(trajectory.velocities[read])
-        return window(positions, velocities, self._surroundings[scene]).seen_through(symmetry(random))
+            return draw_window(trajectory, str(self.paths[scene]), self._surroundings[scene], random, frames)
+
+
+class Frames(Protocol):
+    """The frames of one scene, in a file or in memory."""
+
+    def __len__(self) -> int:
+        """How many there are."""
+
+    def window(self, first: int, count: int) -> tuple[np.ndarray, np.ndarray]:
+        """Positions and velocities (count, N, 3) float32 from frame ``first`` on."""
+
+
+def draw_window(frames_of: Frames, name: str, around: Surroundings, random: np.random.Generator, frames: int) -> Window:
+    """A window of ``frames`` frames after its first, of a random place in time and symmetry.
+
+    Raises:
+        InputError: there are too few frames for that, which the complaint says of ``name``.
+    """
+    last = len(frames_of) - 1 - frames
+    if last < 1:
+        raise InputError(f"{name}: has {len(frames_of)} frames, training needs at least {frames + 2}")
+    early = random.random() < EARLY_SHARE
+    first = int(random.integers(1, min(EARLY_FRAMES, last + 1) if early else last + 1))
+    positions, velocities = (torch.from_numpy(values) for values in frames_of.window(first - 1, frames + 2))
+    return window(positions, velocities, around).seen_through(symmetry(random))
 
 
 def window(positions: Tensor, velocities: Tensor, around: Surroundings) -> Window:

@@ -7,10 +7,10 @@ import logging
 import queue
 import uuid
 import warnings
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import closing, contextmanager, suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from surfsup import __version__
 from surfsup.datasets.folder import token_of
@@ -25,6 +25,8 @@ PATIENCE = 4.0  # seconds that a scheduler may take to answer
 WORKER_PATIENCE = 5.0  # and its workers to appear
 LOOK_EVERY = 1.0  # seconds between looks for workers that were lost
 LOUD_LIBRARIES = ("distributed", "tornado", "asyncio")
+
+T = TypeVar("T")
 
 
 class LostWorkerWarning(UserWarning):
@@ -128,6 +130,28 @@ class Crew:
         return SimulationError(
             f"the scheduler at {self._scheduler} was lost; what was finished is kept, the same command goes on"
         )
+
+
+class AbandonedError(Exception):
+    """Nobody waits for this simulation any more."""
+
+
+def while_wanted(frames: Iterable[T]) -> Iterator[T]:
+    """The ``frames`` of a simulation, which dask itself could not stop once it has begun.
+
+    Raises:
+        AbandonedError: the worker is closing, or whoever asked for the simulation has gone.
+    """
+    from distributed import get_worker
+
+    worker = get_worker()
+    key = worker.get_current_task()
+    with closing(iter(frames)) as going_on:
+        for frame in going_on:
+            task = worker.state.tasks.get(key)
+            if worker.status.name in ("closing", "closed") or task is None or task.state == "cancelled":
+                raise AbandonedError
+            yield frame
 
 
 def what_is_missing(folder: Path | None, token: str, version: str) -> str | None:

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from surfsup.datasets.windows import Window, Windows
+from surfsup.datasets.windows import Window, WindowSource
 from surfsup.errors import SimulationError
 from surfsup.evaluation.judge import Scores, first_trajectories, judge
 from surfsup.model import weights
@@ -50,7 +50,7 @@ class NotANumber(SimulationError):
 
 def train(
     run: Run,
-    data: Path,
+    windows: WindowSource,
     validation: Path,
     until: float = math.inf,
     report: Callable[[Progress], None] | None = None,
@@ -59,17 +59,16 @@ def train(
 
     Args:
         run: what to train; it may have been resumed.
-        data: folder of training trajectories.
+        windows: what to train on.
         validation: folder of trajectories that choose the checkpoint; never a test set.
         until: ``time.monotonic()`` value at which to stop with a checkpoint.
         report: told how it goes, every step.
 
     Raises:
-        InputError: a folder has no trajectories.
+        InputError: the validation folder has no trajectories.
         NotANumber: the loss became NaN; the checkpoint before it is kept.
     """
     config = run.config
-    windows = Windows(data)
     check_validation(validation)
     run.folder.mkdir(parents=True, exist_ok=True)
     began, base, smoothed = time.monotonic(), run.seconds, math.nan
@@ -112,7 +111,7 @@ def check_validation(folder: Path) -> None:
     Trajectory(first_trajectories(folder, 1)[0]).close()
 
 
-def read_batch(windows: Windows, config: TrainingConfig, step: int) -> tuple[list[Window], np.random.Generator]:
+def read_batch(windows: WindowSource, config: TrainingConfig, step: int) -> tuple[list[Window], np.random.Generator]:
     """The windows of ``step`` and the generator that the rest of the step draws from."""
     random = np.random.default_rng([config.seed, step])
     phase = config.phase(step)
