@@ -103,14 +103,16 @@ class SolidWatch:
             self._measured_at, self._squared_reach = positions[0].copy(), np.zeros(count)
             self._measure(positions[0], np.arange(count))
         watched, since = np.arange(count), np.full(count, -1)
+        seen, measured_at = positions, self._measured_at
         while len(watched):
-            moved = positions[:, :, watched] - self._measured_at[:, watched]
+            moved = seen - measured_at
             due = np.einsum("kij,kij->kj", moved, moved) >= self._squared_reach[watched]
             due &= np.arange(frames)[:, None] > since
             # Each is measured at the first frame at which it is due, and from there watched on.
             some = due.any(axis=0)
             watched, since = watched[some], due[:, some].argmax(axis=0)
             self._measure(positions[since, :, watched].T, watched)
+            seen, measured_at = positions[:, :, watched], self._measured_at[:, watched]
 
     def _measure(self, positions: np.ndarray, particles: np.ndarray) -> None:
         """Measure the distances of ``particles`` (M,), which are at ``positions`` (3, M)."""
