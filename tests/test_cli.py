@@ -115,6 +115,7 @@ def test_a_model_is_judged_into_a_report_and_its_rollout_can_be_compared_again(t
         (["train", "first", "--stream", "nothing", "--validation", ".", "-o", "run"], "no recipe 'nothing'"),
         (["floor", "."], "no trajectories"),
         (["evaluate", "first", ".", "-o", "report"], "no trajectories"),
+        (["evaluate", "first", ".", "--near", "nan"], "nan is not a length"),
         (["compare", "SCENE", "nothing.h5"], "not a trajectory"),
         (["compare", "nothing.h5", "SCENE"], "there is no such trajectory file"),
         (["view", "SCENE"], "not a trajectory"),

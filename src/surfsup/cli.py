@@ -32,6 +32,18 @@ app = typer.Typer(
 
 INTERRUPTED = 130
 
+
+def length(metres: float) -> float:
+    """A length that an option gives.
+
+    Raises:
+        typer.BadParameter: it is not above zero or not finite.
+    """
+    if not 0 < metres < float("inf"):
+        raise typer.BadParameter(f"{metres} is not a length in metres above 0")
+    return metres
+
+
 Vector = tuple[float, float, float]
 Source = Annotated[Path, typer.Argument(metavar="SURFACE|SCENE.yaml", help="A mesh, or a scene file.")]
 Out = Annotated[Path | None, typer.Option("-o", "--out", help="Output folder; out/NAME by default.")]
@@ -51,7 +63,9 @@ Model = Annotated[str | None, typer.Option(help="A shipped model's name or a .sa
 Device = Annotated[str | None, typer.Option(help="cpu or cuda; a GPU is taken where there is one.")]
 Workers = Annotated[int | None, typer.Option(help="Simulations side by side on this machine; 2 by default.")]
 Scheduler = Annotated[str | None, typer.Option(help="A dask scheduler whose workers do it: tcp://host:port.")]
-Near = Annotated[float, typer.Option(min=0.0, help="Metres; nearer particles count for Chamfer Surface.")]
+Near = Annotated[
+    float, typer.Option(callback=length, help="Metres; particles nearer to the solid count for Chamfer Surface.")
+]
 Seed = Annotated[int, typer.Option(min=0, help="Where random choices start.")]
 
 

@@ -79,7 +79,7 @@ def evaluation_report(
             {
                 "data": scene.truth.data,
                 "scene": scene.name,
-                "trajectory": str(scene.rollout.relative_to(folder)),
+                "trajectory": scene.rollout.relative_to(folder).as_posix(),
                 "guarded": scene.guarded,
                 **judgement_entry(scene.judgement),
             }
@@ -112,7 +112,7 @@ def data_set_entry(one: DataSet, scenes: Sequence[JudgedScene], skipped: Sequenc
         "scenes": len(members),
         "floors": floors,
         "floor_missing": None if floors == len(members) else HOW_TO_MAKE.format(one.folder),
-        "skipped": [{"file": str(bad.file.relative_to(one.folder)), "reason": bad.reason} for bad in left_out],
+        "skipped": [{"file": bad.file.relative_to(one.folder).as_posix(), "reason": bad.reason} for bad in left_out],
     }
 
 
