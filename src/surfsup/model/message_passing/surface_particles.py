@@ -27,13 +27,14 @@ class SurfaceParticles:
         self._drawn: WeakKeyDictionary[Surface, Tensor] = WeakKeyDictionary()
 
     def on(self, surface: Surface) -> Tensor:
-        """The particles (count, 3) of ``surface``, metres, on its device; a surface that is turned takes them along."""
+        """The particles (count, 3) of ``surface``, metres; a surface that is turned takes them along."""
         if isinstance(surface, Transformed):
             with torch.no_grad():
-                return surface.scale * self.on(surface.surface) @ surface.rotation.T + surface.translation
+                own = self.on(surface.surface).to(surface.rotation)
+                return surface.scale * own @ surface.rotation.T + surface.translation
         if surface not in self._drawn:
             points = poisson_disk(surface, self.count, self.seed)
-            self._drawn[surface] = torch.from_numpy(points).to(surface.bounds().device)
+            self._drawn[surface] = torch.from_numpy(points).to(surface.bounds())
         return self._drawn[surface]
 
 
@@ -51,11 +52,11 @@ def poisson_disk(surface: Surface, count: int, seed: int) -> np.ndarray:
 
     mesh = surface.to_mesh(RESOLUTION)
     drawn, _ = trimesh.sample.sample_surface(mesh, CANDIDATES * count, seed=seed)
-    points = torch.from_numpy(np.ascontiguousarray(drawn.T, dtype=np.float32))
+    points = np.ascontiguousarray(drawn.T, dtype=np.float32)
     chosen = np.zeros(count, dtype=np.int64)
-    apart = torch.full_like(points[0], torch.inf)
+    apart = np.full(len(drawn), np.inf, dtype=np.float32)
     for place in range(1, count):
-        last = points[:, chosen[place - 1], None]
-        torch.minimum(apart, (points - last).square_().sum(dim=0), out=apart)
-        chosen[place] = int(apart.argmax())
-    return points.T[chosen].numpy()
+        away = points - points[:, chosen[place - 1], None]
+        np.minimum(apart, np.einsum("ij,ij->j", away, away), out=apart)
+        chosen[place] = apart.argmax()
+    return points.T[chosen]

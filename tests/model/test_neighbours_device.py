@@ -1,0 +1,49 @@
+import pytest
+import torch
+from hypothesis import given
+from hypothesis import strategies as st
+
+from surfsup.errors import SimulationError
+from surfsup.model.neighbours import pairs_by_tree
+from surfsup.model.neighbours_device import FARTHEST_CELL, pairs_by_cells
+from surfsup.scene import Block
+
+
+def assert_same(positions: torch.Tensor, radius: float) -> None:
+    for found, expected in zip(pairs_by_cells(positions, radius), pairs_by_tree(positions, radius), strict=True):
+        assert found.dtype == expected.dtype == torch.int64
+        assert torch.equal(found, expected)
+
+
+@given(st.integers(1, 150), st.floats(0.01, 1.5), st.integers(0, 2**32 - 1))
+def test_it_equals_the_tree_and_so_brute_force(count, radius, seed):
+    assert_same(torch.rand(count, 3, generator=torch.Generator().manual_seed(seed)), radius)
+
+
+@given(st.integers(0, 2**32 - 1))
+def test_it_equals_brute_force(seed):
+    positions = torch.rand(80, 3, generator=torch.Generator().manual_seed(seed))
+    apart = torch.cdist(positions.double(), positions.double())
+    expected = ((apart <= 0.2) & ~torch.eye(80, dtype=torch.bool)).nonzero()
+    assert torch.equal(torch.stack(pairs_by_cells(positions, 0.2), dim=1), expected)
+
+
+@pytest.mark.parametrize("radius", [0.0299, 0.031, 0.045, 0.061])
+def test_on_the_solver_s_lattice(radius):
+    assert_same(torch.from_numpy(Block(min=(0, 0, 0), max=(0.24, 0.24, 0.24)).positions()), radius)
+
+
+def test_particles_that_flew_far_away_still_have_their_neighbours():
+    near = torch.rand(30, 3, generator=torch.Generator().manual_seed(0)).double()
+    far = near + torch.tensor([3.0 * FARTHEST_CELL, -1e7, 0.0])
+    assert_same(torch.cat([near, near, near, far]), 0.4)
+
+
+def test_particles_in_one_place_are_neighbours_but_none_is_its_own():
+    assert_same(torch.zeros(4, 3), 0.1)
+
+
+@pytest.mark.parametrize("value", [torch.nan, torch.inf])
+def test_a_position_that_is_not_finite_is_said_in_one_line(value):
+    with pytest.raises(SimulationError, match="the simulation blew up"):
+        pairs_by_cells(torch.tensor([[0.0, 0.0, 0.0], [0.0, value, 0.0]]), 0.1)
