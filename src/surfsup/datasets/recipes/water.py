@@ -8,7 +8,7 @@ from surfsup.scene import SPACING, Block, Container, Fluid
 
 BLOCK_SIDE = (0.4, 0.5)  # metres (supplement, section 5.1)
 FALL_GAP = (0.05, 0.65)  # metres of air between the top of the solid and the block
-# Metres between the block and a wall. The lattice begins one spacing from the block's face; with its first row less than
+# Metres between the block and a wall. The lattice begins one spacing inside the block; with its first row less than
 # 0.034 m from a wall it is denser there than the solver allows, and the first step blows it away at 4 m/s (measured).
 WALL_GAP = 0.006
 
