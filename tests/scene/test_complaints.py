@@ -100,6 +100,7 @@ def test_an_unknown_key_of_several_lines_still_makes_one_line():
             "surface.bowl: filter_radius 0.2 must be smaller than capture_radius 0.2",
         ),
         (WATER + "surface: {funnel: {capture_radius: 0.2, filter_radius: 0}}", "surface.funnel.filter_radius"),
+        (WATER + "surface: {heightfield: {file: a.png, size: [1, 0], height: 1}}", "surface.heightfield.size.1"),
         (WATER + "surface: {union: []}", "surface.union"),
         (
             WATER + "surface: {union: [{sphere: {radius: 1}}, {sphere: {radius: 0}}]}",

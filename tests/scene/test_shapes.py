@@ -1,5 +1,6 @@
 import math
 
+import numpy as np
 import pytest
 import torch
 
@@ -36,6 +37,14 @@ def test_every_kind_is_the_surface_of_that_name(text, by_hand):
     shape = built(text)
     assert type(shape) is type(by_hand)
     assert_same_distance(shape, by_hand)
+
+
+def test_a_heightfield_is_read_from_where_the_scene_lies(tmp_path):
+    heights = np.array([[0.0, 1.0], [2.0, 4.0]])
+    np.save(tmp_path / "hill.npy", heights)
+    text = WATER + "surface: {heightfield: {file: hill.npy, size: [2, 1], height: 0.5}, at: [0, 0, 0.2]}"
+    found = Scene.from_yaml(text, "scene.yaml", tmp_path).build_surface()
+    assert_same_distance(found, sdf.Transformed(sdf.Heightfield(heights, (2, 1), 0.5, 0.1), translation=(0, 0, 0.2)))
 
 
 def test_a_shape_is_scaled_then_turned_then_moved():

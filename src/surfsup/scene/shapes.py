@@ -129,6 +129,24 @@ class MeshShape(Description):
         return sdf.MeshSurface(mesh)
 
 
+class HeightfieldShape(Description):
+    """Terrain out of ``file``, a solid that stands on z = 0 and is centred in x and y; row 0 is north, at +y.
+
+    ``size`` is its extent along x and y, ``height`` what lies between its lowest and its highest sample and ``base``
+    what lies below the lowest, all in metres.
+    """
+
+    file: Path
+    size: tuple[Length, Length]
+    height: Length
+    base: Length = 0.1
+
+    def surface(self, folder: Path = Path()) -> sdf.Surface:
+        """The signed distance; ``folder`` is where relative file names start."""
+        path = folder / self.file
+        return sdf.Heightfield(sdf.load_heights(path), self.size, self.height, self.base, source=str(path))
+
+
 class Rotation(Description):
     """A turn about ``axis``, right-handed."""
 
@@ -154,6 +172,7 @@ class Shape(Description):
     bowl: BowlShape | None = None
     funnel: FunnelShape | None = None
     mesh: MeshShape | None = None
+    heightfield: HeightfieldShape | None = None
     union: list[Shape] | None = Field(default=None, min_length=1)
     intersection: list[Shape] | None = Field(default=None, min_length=1)
     difference: list[Shape] | None = Field(default=None, min_length=2, max_length=2)
@@ -230,4 +249,4 @@ def difference_of(parts: list[Shape], folder: Path) -> sdf.Surface:
 
 
 COMBINATIONS = {"union": union_of, "intersection": intersection_of, "difference": difference_of}
-KINDS = ("sphere", "box", "cylinder", "cone", "torus", "bowl", "funnel", "mesh", *COMBINATIONS)
+KINDS = ("sphere", "box", "cylinder", "cone", "torus", "bowl", "funnel", "mesh", "heightfield", *COMBINATIONS)

@@ -2,6 +2,7 @@
 
 from surfsup.sdf.boxes import Boxes
 from surfsup.sdf.combine import Difference, Intersection, Union
+from surfsup.sdf.heightfield import Heightfield, load_heights
 from surfsup.sdf.mesh import MeshSurface
 from surfsup.sdf.mesh_file import MeshWarning, fit_mesh, load_mesh
 from surfsup.sdf.polygonise import polygonise
@@ -19,6 +20,7 @@ __all__ = [
     "Cylinder",
     "Difference",
     "Funnel",
+    "Heightfield",
     "Intersection",
     "MeshSurface",
     "MeshWarning",
@@ -29,6 +31,7 @@ __all__ = [
     "Union",
     "axis_rotation",
     "fit_mesh",
+    "load_heights",
     "load_mesh",
     "polygonise",
 ]

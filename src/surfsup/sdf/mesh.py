@@ -122,14 +122,18 @@ class MeshSurface(Surface):
         """
         distance, face, closest = self.query.nearest(points)
         if known is None:
-            inside = self.query.inside(points)
+            inside = self.inside(points)
         else:
             metres, inside = known
             unknown = np.flatnonzero(metres >= distance)
             if len(unknown):
-                inside[unknown] = self.query.inside(points[unknown])
+                inside[unknown] = self.inside(points[unknown])
         normal = self.query.normal(points, distance, face, closest, inside)
         return np.where(inside, -distance, distance), normal
+
+    def inside(self, points: np.ndarray) -> np.ndarray:
+        """Whether each of ``points`` (N, 3) is in the solid, (N,)."""
+        return self.query.inside(points)
 
     def build_caches(self) -> tuple[DistanceCache, DistanceCache]:
         """The fine grid around the mesh and the coarse one around that, built when first needed."""

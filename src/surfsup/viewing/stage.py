@@ -29,7 +29,8 @@ _BOUNCE_SHARE = 0.30
 _SHADOW_MAP = (800, 800)  # pixels
 _EDGE = 0.02  # metres; triangles are split until their edges are shorter, so that a shadow may end inside one
 _MOST_FACES = 400_000
-_FLOOR_REACH = 1.4  # metres from the centre, beyond which no shadow falls
+_FLOOR_REACH = 1.4  # metres from the centre, beyond which no shadow of a solid of the usual size falls
+_FLOOR_MARGIN = 0.4  # metres around a larger one
 _FLOOR_CELLS = 320
 _BIAS = 0.006  # metres; a surface must not shade itself
 
@@ -106,6 +107,11 @@ class _Shadows:
         raster.close()
         self._centre, self._half = centre.astype(np.float32), np.float32(half)
 
+    @property
+    def reach(self) -> float:
+        """How far from the centre of the floor its shadows may fall, metres."""
+        return max(_FLOOR_REACH, float(np.abs(self._centre[:2]).max() + self._half) + _FLOOR_MARGIN)
+
     def irradiance(self, points: np.ndarray, normals: np.ndarray) -> np.ndarray:
         """Light (N, 3) on a white surface at `points` (N, 3) with unit `normals` (N, 3)."""
         points = points.astype(np.float32) + np.float32(_BIAS) * normals.astype(np.float32)
@@ -141,7 +147,8 @@ def _floor(camera: Camera, shadows: _Shadows | None) -> tuple[np.ndarray, np.nda
     reach = np.where(np.isfinite(depth), depth, 0.0)
     x, y = camera.eye[0] + reach * rays[..., 0], camera.eye[1] + reach * rays[..., 1]
 
-    grid = np.linspace(-_FLOOR_REACH, _FLOOR_REACH, _FLOOR_CELLS, dtype=np.float32)
+    wide = _FLOOR_REACH if shadows is None else shadows.reach
+    grid = np.linspace(-wide, wide, _FLOOR_CELLS, dtype=np.float32)
     points = np.stack([*np.meshgrid(grid, grid, indexing="ij"), np.zeros((_FLOOR_CELLS,) * 2, np.float32)], -1)
     upwards = np.broadcast_to(np.array([0.0, 0.0, 1.0], np.float32), points.shape)
     open_sky = np.float32(1.18)
@@ -152,14 +159,14 @@ def _floor(camera: Camera, shadows: _Shadows | None) -> tuple[np.ndarray, np.nda
         lit = (
             lit / lit[0, 0] * open_sky
         )  # a corner sees the whole sky; the floor's own white must not depend on the solid
-    to_cells = (_FLOOR_CELLS - 1) / (2 * _FLOOR_REACH)
-    where = [(x + _FLOOR_REACH) * to_cells, (y + _FLOOR_REACH) * to_cells]
+    to_cells = (_FLOOR_CELLS - 1) / (2 * wide)
+    where = [(x + wide) * to_cells, (y + wide) * to_cells]
     floor = np.stack([map_coordinates(lit[..., c], where, order=1, mode="nearest") for c in range(3)], -1)
 
     backdrop = light.SKY_HORIZON + np.linspace(0.9, 0.0, height, dtype=np.float32)[:, None, None] * (
         np.array([0.70, 0.79, 0.88], np.float32) - light.SKY_HORIZON
     )
     backdrop = np.broadcast_to(backdrop, (height, width, 3))
-    far = np.clip((np.hypot(x, y) - 0.75) / 1.7, 0.0, 1.0)
+    far = np.clip((np.hypot(x, y) * (_FLOOR_REACH / wide) - 0.75) / 1.7, 0.0, 1.0)
     far = np.where(np.isfinite(depth), far * far * (3 - 2 * far), 1.0)[..., None].astype(np.float32)
     return (floor * light.GROUND * (1 - far) + backdrop * far).astype(np.float32), depth
