@@ -152,7 +152,7 @@ def run_again(original: Path, axis: int) -> float:
             whole_file(target) as path,
             TrajectoryWriter(path, run.scene, Provenance(solver.NAME), run.particles) as writer,
         ):
-            for positions, velocities in while_wanted(run):
+            for positions, velocities in while_wanted(iter(run)):
                 writer.append(positions, velocities)
 
     try:

@@ -112,7 +112,7 @@ def make_scene(drawing: Drawing, index: int) -> float:
             whole_file(path_of(drawing.folder, index)) as path,
             TrajectoryWriter(path, run.scene, provenance, run.particles) as writer,
         ):
-            for positions, velocities in while_wanted(run):
+            for positions, velocities in while_wanted(iter(run)):
                 writer.append(positions, velocities)
             note_making(writer, drawing, index, run)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator
 from contextlib import closing
 from itertools import islice
 from typing import TypeVar
@@ -59,7 +59,7 @@ class Run:
         """How many there are."""
         return len(self._start.positions)
 
-    def __iter__(self) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    def __iter__(self) -> Generator[tuple[np.ndarray, np.ndarray], None, None]:
         """Positions (N, 3) in metres and velocities (N, 3) in m/s of each frame, float32.
 
         Raises:

@@ -147,7 +147,7 @@ def simulate_in_memory(drawing: Drawing, index: int) -> Simulated:
 
     def keep(run: Run) -> Simulated:
         positions, velocities = np.empty((2, run.scene.frames, run.particles, 3), dtype=np.float32)
-        for frame, (now, speed) in enumerate(while_wanted(run)):
+        for frame, (now, speed) in enumerate(while_wanted(iter(run))):
             positions[frame], velocities[frame] = now, speed
         return Simulated(index, run.scene, positions, velocities)
 

@@ -7,7 +7,7 @@ import logging
 import queue
 import uuid
 import warnings
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import closing, contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -24,6 +24,8 @@ WORKERS = 2  # by default
 PATIENCE = 4.0  # seconds that a scheduler may take to answer
 WORKER_PATIENCE = 5.0  # and its workers to appear
 LOOK_EVERY = 1.0  # seconds between looks for workers that were lost
+MOST_THREADS = 8  # of a process
+SILENT = logging.CRITICAL + 1
 LOUD_LIBRARIES = ("distributed", "tornado", "asyncio")
 
 T = TypeVar("T")
@@ -136,7 +138,7 @@ class AbandonedError(Exception):
     """Nobody waits for this simulation any more."""
 
 
-def while_wanted(frames: Iterable[T]) -> Iterator[T]:
+def while_wanted(frames: Generator[T, None, None]) -> Iterator[T]:
     """The ``frames`` of a simulation, which dask itself could not stop once it has begun.
 
     Raises:
@@ -146,7 +148,7 @@ def while_wanted(frames: Iterable[T]) -> Iterator[T]:
 
     worker = get_worker()
     key = worker.get_current_task()
-    with closing(iter(frames)) as going_on:
+    with closing(frames) as going_on:
         for frame in going_on:
             task = worker.state.tasks.get(key)
             if worker.status.name in ("closing", "closed") or task is None or task.state == "cancelled":
@@ -211,17 +213,19 @@ def connected(workers: int, scheduler: str | None) -> Iterator[Any]:
         return
     from distributed import LocalCluster
 
-    # Threads will do, since every simulation is a process of its own. They are joined through memory; the status
-    # pages, which dask cannot leave out, are served to this machine only.
+    # Every simulation is a process of its own, so threads will do here: joined through memory, and there at once. What
+    # they do takes a twentieth of a core each; for many it is shared out to several processes. The status pages, which
+    # dask cannot leave out, are served to this machine only.
+    threads = max(count for count in range(1, MOST_THREADS + 1) if workers % count == 0)
     with LocalCluster(
-        n_workers=1,
-        threads_per_worker=workers,
-        processes=False,
+        n_workers=workers // threads,
+        threads_per_worker=threads,
+        processes=threads < workers,
         memory_limit=0,
         dashboard_address="127.0.0.1:0",
         worker_dashboard_address="127.0.0.1:0",
         scheduler_kwargs={"dashboard": False},
-        silence_logs=False,
+        silence_logs=SILENT,
     ) as cluster:
         yield cluster
 
@@ -275,7 +279,7 @@ def quiet() -> Iterator[None]:
     loggers = [logging.getLogger(name) for name in {*names, *LOUD_LIBRARIES}]
     levels = [logger.level for logger in loggers]
     for logger in loggers:
-        logger.setLevel(logging.CRITICAL + 1)
+        logger.setLevel(SILENT)
     try:
         yield
     finally:
