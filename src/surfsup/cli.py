@@ -293,11 +293,12 @@ def evaluate(
     typer.echo(evaluation_text(scenes, sets, skipped))
     shown, missing = ([], None) if no_video else (examples(scenes), why_no_videos())
     if missing:
-        shown = []
         typer.echo(missing)
-    with bar("drawing the videos") as tell:
-        write_videos(folder, shown, card.name, tell)
-    write_page(folder / "report.html", found, shown, missing)
+    write_page(folder / "report.html", found, no_videos=missing)
+    if shown and not missing:  # they take minutes: whoever interrupts them still has the page
+        with bar("drawing the videos") as tell:
+            write_videos(folder, shown, card.name, tell)
+        write_page(folder / "report.html", found, shown)
     typer.echo(f"numbers       {folder / 'report.json'}")
     typer.echo(f"trajectories  {folder / 'trajectories'}")
     typer.echo(f"page          {folder / 'report.html'}  (open it in a browser, no network needed)")
