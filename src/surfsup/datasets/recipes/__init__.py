@@ -2,6 +2,7 @@
 
 from surfsup.datasets.recipes.bowls import Bowls
 from surfsup.datasets.recipes.chairs import Chairs
+from surfsup.datasets.recipes.complex_scenes import ComplexScenes
 from surfsup.datasets.recipes.funnels import Funnels
 from surfsup.datasets.recipes.mountain import Mountain
 from surfsup.datasets.recipes.prim_shapes import PrimShapes
@@ -9,7 +10,7 @@ from surfsup.datasets.recipes.prim_unions import PrimUnions
 from surfsup.datasets.recipes.recipe import Recipe
 
 RECIPES: dict[str, type[Recipe]] = {
-    recipe.name: recipe for recipe in (PrimShapes, PrimUnions, Funnels, Bowls, Chairs, Mountain)
+    recipe.name: recipe for recipe in (PrimShapes, PrimUnions, Funnels, Bowls, Chairs, ComplexScenes, Mountain)
 }
 
 __all__ = ["RECIPES", "Recipe"]

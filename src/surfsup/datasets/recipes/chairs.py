@@ -13,10 +13,10 @@ from pathlib import Path
 
 import numpy as np
 
-from surfsup.datasets.recipes.carpentry import about_z, chair
+from surfsup.datasets.recipes.carpentry import chair
 from surfsup.datasets.recipes.mesh_files import SURFACES, collect, fitted_corners
-from surfsup.datasets.recipes.prim_shapes import room
 from surfsup.datasets.recipes.recipe import Recipe
+from surfsup.datasets.recipes.standing import stand
 from surfsup.datasets.recipes.water import Random, block_above
 from surfsup.errors import InputError
 from surfsup.scene import Container, Scene, Shape
@@ -25,7 +25,7 @@ from surfsup.scene.shapes import MeshShape
 CATEGORY = "03001627"  # ShapeNet's number for chairs
 MODEL = "models/model_normalized.obj"
 FIT = 0.9  # metres: the largest extent of a chair out of ShapeNet
-WIDEST = 0.98  # metres along the container's sides, however it is turned
+WIDEST = 0.98  # metres along the container's sides: only a chair out of ShapeNet can be wider
 
 
 class Chairs(Recipe):
@@ -56,14 +56,8 @@ class Chairs(Recipe):
         else:
             solid = chair(random)
             corners = np.array(list(product(*solid.surface().bounds().double().numpy().T)))
-        turn = about_z(random.uniform(0.0, 360.0))
-        corners = corners @ solid.model_copy(update={"rotate": turn}).rotation().double().numpy().T
-        # Only a chair out of ShapeNet can be too wide: one that is wider than high, and turned askew.
-        scale = float(min(1.0, WIDEST / np.ptp(corners[:, :2], axis=0).max()))
-        lower, upper = scale * corners.min(axis=0), scale * corners.max(axis=0)
-        place = np.array([random.uniform(*room(lower[axis], upper[axis], container.size[axis])) for axis in (0, 1)])
-        solid = solid.model_copy(update={"rotate": turn, "scale": scale, "at": (*place.tolist(), 0.0)})
-        water = block_above(place, upper[2], container, random)
+        solid, top = stand(solid, corners, WIDEST, container, random)
+        water = block_above(top[:2], top[2], container, random)
         return Scene(container=container, surface=solid, fluid=water).in_folder(self.folder)
 
 

@@ -64,7 +64,7 @@ def check(path: Path) -> None:
         load_mesh(path)
 
 
-def fitted_corners(path: Path, fit: float, up: str | None) -> np.ndarray:
+def fitted_corners(path: Path, fit: float, up: str | None = None) -> np.ndarray:
     """The vertices (V, 3) of a mesh file as the surface ``mesh: {file, fit, up}`` of a scene has them, metres."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
