@@ -54,6 +54,8 @@ class Trajectory:
         provenance: by what.
         positions: (frames, particles, 3) float32 in metres, an HDF5 data set that slices like an array.
         velocities: the same in m/s, at the end of each frame.
+        frame_time: seconds from one frame to the next.
+        radius: of a particle, metres.
     """
 
     def __init__(self, path: Path) -> None:
@@ -74,6 +76,7 @@ class Trajectory:
                 raise ValueError(f"{self.positions.shape} positions, {self.velocities.shape} velocities")
             attributes = dict(self._file.attrs)
             self.scene = Scene.from_yaml(str(attributes["scene"]), f"{path} (scene)", path.parent)
+            self.frame_time, self.radius = float(attributes["frame_time"]), float(attributes["radius"])
             self.provenance = Provenance(str(attributes["model"]), int(attributes["seed"]), str(attributes["version"]))
         except BaseException as error:
             self._file.close()

@@ -19,11 +19,11 @@ def test_windows_are_of_the_last_simulations_that_came_in(tmp_path):
         assert len(windows) == 1
         heights = set()
         while len(heights) < 4:  # each scene has a height of its own
-            drawn = windows.draw(random, frames=2)
-            assert drawn.positions.shape == drawn.velocities.shape == (2, 8, 3)
-            fallen = drawn.positions[0, :, 2] - drawn.state.positions[:, 2]
-            assert (fallen < 0).all()
-            heights.add(round(float(drawn.state.positions[0, 2] + drawn.state.velocities[0, 2] ** 2 / 19.62), 2))
+            drawn = windows.draw(random, past=1, frames=2)
+            assert drawn.positions.shape == drawn.velocities.shape == (4, 8, 3)
+            (before, speed), (after, _) = drawn.frame(0), drawn.frame(1)
+            assert (after[:, 2] < before[:, 2]).all()
+            heights.add(round(float(before[0, 2] + speed[0, 2] ** 2 / 19.62), 2))
             assert 1 <= len(windows) <= 2
 
 
@@ -31,7 +31,7 @@ def test_a_window_longer_than_the_scenes_is_refused(tmp_path):
     with stream("tiny", tmp_path, workers=1) as coming:
         windows = StreamedWindows(coming)
         with pytest.raises(InputError, match="of the stream: has 6 frames, training needs at least 7"):
-            windows.draw(np.random.default_rng(0), frames=5)
+            windows.draw(np.random.default_rng(0), past=1, frames=5)
 
 
 def test_a_model_is_trained_on_scenes_as_they_are_made(tmp_path):

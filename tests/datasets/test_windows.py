@@ -1,8 +1,11 @@
+from dataclasses import replace
+
+import h5py
 import numpy as np
 import pytest
 import torch
 
-from surfsup.datasets.windows import Windows, symmetry, window
+from surfsup.datasets.windows import Window, Windows, symmetry
 from surfsup.errors import InputError
 from surfsup.model.state import Surroundings
 from surfsup.scene import Scene
@@ -36,57 +39,72 @@ def write(path, count: int) -> tuple[np.ndarray, np.ndarray]:
     return positions, velocities
 
 
-def test_a_window_is_a_state_with_its_past_and_the_frames_after_it():
-    positions, velocities = (torch.from_numpy(values) for values in frames(6))
-    around = Surroundings.of(SCENE, SCENE.build_surface())
-    seen = window(positions, velocities, around)
-    assert torch.equal(seen.state.positions, positions[1])
-    assert torch.equal(seen.state.velocities, velocities[1])
-    assert torch.equal(seen.state.displacement, positions[1] - positions[0])
-    assert torch.equal(seen.state.velocity_change, velocities[1] - velocities[0])
-    assert torch.equal(seen.positions, positions[2:])
-    assert torch.equal(seen.velocities, velocities[2:])
+def window(count: int, past: int = 1) -> Window:
+    positions, velocities = (torch.from_numpy(values) for values in frames(count))
+    return Window(positions, velocities, past, Surroundings.of(SCENE, SCENE.build_surface()), SCENE, "a")
 
 
-@pytest.mark.parametrize("count", [4, 10, 500])
-def test_drawn_windows_are_the_files_frames_in_a_row(tmp_path, count):
+def test_a_window_has_a_past_a_present_and_the_frames_after_it():
+    seen = window(6, past=2)
+    assert [len(values) for values in seen.up_to_now] == [3, 3]
+    assert torch.equal(seen.up_to_now[0], seen.positions[:3])
+    assert torch.equal(seen.up_to_now[1], seen.velocities[:3])
+    assert seen.following == 3
+    for number in range(4):
+        assert torch.equal(seen.frame(number)[0], seen.positions[2 + number])
+        assert torch.equal(seen.frame(number)[1], seen.velocities[2 + number])
+
+
+@pytest.mark.parametrize(("count", "past"), [(4, 1), (10, 1), (10, 4), (500, 1), (500, 8)])
+def test_drawn_windows_are_the_files_frames_in_a_row(tmp_path, count, past):
     positions, velocities = write(tmp_path / "a.h5", count)
     windows, random = Windows(tmp_path), np.random.default_rng(1)
-    firsts = set()
+    presents = set()
     for _ in range(60):
-        drawn = windows.draw(random, frames=2)
-        first = round(float(drawn.state.positions[0, 2]))
-        firsts.add(first)
-        assert 1 <= first <= count - 3
-        assert [round(float(frame[0, 2])) for frame in drawn.positions] == [first + 1, first + 2]
+        drawn = windows.draw(random, past, frames=2)
+        now = round(float(drawn.frame(0)[0][0, 2]))
+        presents.add(now)
+        assert past <= now <= count - 3
+        assert (drawn.past, drawn.following) == (past, 2)
+        assert (drawn.scene.surface.kind, drawn.name) == ("cone", str(tmp_path / "a.h5"))
+        there = slice(now - past, now + 3)
         # Whatever the symmetry, it keeps heights and lengths.
-        np.testing.assert_array_equal(drawn.positions[..., 2], positions[first + 1 : first + 3, :, 2])
+        np.testing.assert_array_equal(drawn.positions[..., 2], positions[there, :, 2])
         np.testing.assert_allclose(
             drawn.velocities.norm(dim=-1),
-            np.linalg.norm(velocities[first + 1 : first + 3], axis=-1),
+            np.linalg.norm(velocities[there], axis=-1),
             rtol=1e-5,
             atol=2 * VELOCITY_STEP,
         )
-        step = positions[first, :, 2] - positions[first - 1, :, 2]
-        np.testing.assert_allclose(drawn.state.displacement[:, 2], step, atol=1e-6)
     if count <= 10:
-        assert firsts == set(range(1, count - 2)), "every window there is can be drawn, the last one too"
+        assert presents == set(range(past, count - 2)), "every window there is can be drawn, the last one too"
     else:
-        assert max(firsts) > 320 > min(firsts)
+        assert max(presents) > 320 > min(presents)
 
 
 def test_the_same_generator_draws_the_same_window(tmp_path):
     write(tmp_path / "a.h5", 20)
     windows = Windows(tmp_path)
-    first, second = (windows.draw(np.random.default_rng(4), 3) for _ in range(2))
+    first, second = (windows.draw(np.random.default_rng(4), 1, 3) for _ in range(2))
     assert torch.equal(first.positions, second.positions)
-    assert torch.equal(first.state.velocities, second.state.velocities)
+    assert torch.equal(first.velocities, second.velocities)
 
 
 def test_a_trajectory_too_short_is_named(tmp_path):
     write(tmp_path / "short.h5", 4)
     with pytest.raises(InputError, match=r"short\.h5: has 4 frames, training needs at least 5"):
-        Windows(tmp_path).draw(np.random.default_rng(0), frames=3)
+        Windows(tmp_path).draw(np.random.default_rng(0), past=1, frames=3)
+    with pytest.raises(InputError, match="training needs at least 7"):
+        Windows(tmp_path).draw(np.random.default_rng(0), past=4, frames=2)
+
+
+@pytest.mark.parametrize("unit", ["frame_time", "radius"])
+def test_data_of_other_units_are_refused(tmp_path, unit):
+    write(tmp_path / "a.h5", 5)
+    with h5py.File(tmp_path / "a.h5", "r+") as file:
+        file.attrs[unit] = 0.01
+    with pytest.raises(InputError, match=r"a\.h5: has .* 0\.01 .*; the simulators here are for 0\.005 s and 0\.015 m"):
+        Windows(tmp_path)
 
 
 def test_a_folder_without_trajectories_is_refused(tmp_path):
@@ -107,24 +125,25 @@ def test_symmetries_are_the_eight_of_a_square():
 @pytest.mark.parametrize("seed", range(12))
 def test_a_window_and_its_image_are_the_same_scene(seed):
     matrix = symmetry(np.random.default_rng(seed))
-    positions, velocities = (torch.from_numpy(values) for values in frames(4))
-    original = window(positions, velocities, Surroundings.of(SCENE, SCENE.build_surface()))
+    original = window(4)
     image = original.seen_through(matrix)
 
-    distance, normal = original.around.distance_and_normal(original.state.positions)
-    seen_distance, seen_normal = image.around.distance_and_normal(image.state.positions)
+    now, seen_now = original.frame(0)[0], image.frame(0)[0]
+    distance, normal = original.around.distance_and_normal(now)
+    seen_distance, seen_normal = image.around.distance_and_normal(seen_now)
     torch.testing.assert_close(seen_distance, distance, atol=1e-5, rtol=0)
     torch.testing.assert_close(seen_normal, normal @ matrix.T, atol=1e-4, rtol=0)
     torch.testing.assert_close(image.around.gravity, matrix @ original.around.gravity)
 
-    for name, value in vars(original.state).items():
-        torch.testing.assert_close(getattr(image.state, name), value @ matrix.T)
+    torch.testing.assert_close(image.positions, original.positions @ matrix.T)
+    torch.testing.assert_close(image.velocities, original.velocities @ matrix.T)
+    assert (image.past, image.scene, image.name) == (original.past, original.scene, original.name)
     # Distances to the walls are the same, whichever walls they now are.
     to_walls = [
         torch.cat([points - around.lower, around.upper - points], dim=-1).sort(dim=-1).values
         for points, around in (
-            (original.state.positions, original.around),
-            (image.state.positions, image.around),
+            (now, original.around),
+            (seen_now, image.around),
         )
     ]
     torch.testing.assert_close(*to_walls)
@@ -132,8 +151,7 @@ def test_a_window_and_its_image_are_the_same_scene(seed):
 
 def test_an_image_of_an_image_is_the_original():
     matrix = torch.tensor([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
-    positions, velocities = (torch.from_numpy(values) for values in frames(4))
-    original = window(positions, velocities, Surroundings.of(SCENE, None))
+    original = replace(window(4), around=Surroundings.of(SCENE, None))
     back = original.seen_through(matrix).seen_through(matrix.T)
     torch.testing.assert_close(back.positions, original.positions)
     assert torch.equal(back.around.lower, original.around.lower)

@@ -81,9 +81,10 @@ def test_a_smaller_rank_is_a_better_model():
 
 def test_judging_takes_the_first_scenes_of_a_folder(truth, tmp_path):
     (tmp_path / "00001.h5").write_text("not read, because it is the second")
-    assert judge(silent(), tmp_path, scenes=1, frames=6).chamfer < 3e-5
+    (scores,) = judge(silent(), tmp_path, scenes=1, frames=6)
+    assert scores.chamfer < 3e-5
 
 
 def test_an_empty_folder_cannot_judge(tmp_path):
     with pytest.raises(InputError, match="has no trajectories"):
-        judge(silent(), tmp_path, scenes=1, frames=6)
+        list(judge(silent(), tmp_path, scenes=1, frames=6))

@@ -110,6 +110,8 @@ def test_a_file_of_another_format_is_named(path, metadata):
         {"architecture": '{"width": 8, "layers": 3, "radius": -1.0}'},
         {"card": "{}"},
         {"card": "7"},
+        {"card": '{"name": "a", "about": "b", "seen": 7}'},
+        {"card": '{"name": "a", "about": "b", "seen": {"sides": [1, 2]}}'},
     ],
 )
 def test_a_header_that_does_not_fit_is_one_line(path, changes):

@@ -1,9 +1,14 @@
+import numpy as np
 import pytest
 import torch
 
-from surfsup.model.simulator import Simulator
+from surfsup.datasets.windows import Windows
+from surfsup.model.simulator import Architecture, Simulator
 from surfsup.model.state import State, Surroundings
 from surfsup.scene import Scene
+from surfsup.training.batches import read_batch
+from surfsup.training.config import Phase, TrainingConfig
+from surfsup.training.run import Run
 from surfsup.trajectory import Provenance, TrajectoryWriter
 
 FRAMES = 14
@@ -14,12 +19,11 @@ SCENE = Scene.from_yaml(
     "fluid: [{block: {min: [-0.08, -0.08, 0.22], max: [0.07, 0.07, 0.34], velocity: [0, 0, -2]}}]",
     "test",
 )
+MESSAGE_PASSING = ("surfsup", "surfsup-velocity", "value-only", "no-sdf", "gns")
 
 
 def write_fall(path, scene: Scene) -> None:
     """Water that falls onto the ball: ballistic, kept out of the ball by the guard alone."""
-    from surfsup.model.simulator import Architecture
-
     surface = scene.build_surface()
     start = scene.start(surface)
     around = Surroundings.of(scene, surface)
@@ -41,3 +45,61 @@ def data(tmp_path_factory):
     write_fall(folder / "00000.h5", SCENE)
     write_fall(folder / "00001.h5", SCENE.model_copy(update={"gravity": (0.5, 0.0, -9.0)}))
     return folder
+
+
+def config(**changes) -> TrainingConfig:
+    """A tiny run of eight steps."""
+    standard = {
+        "width": 6,
+        "layers": 2,
+        "batch": 2,
+        "steps": 8,
+        "warm_up": 3,
+        "judge_every": 4,
+        "judge_scenes": 1,
+        "judge_frames": 6,
+        "seed": 5,
+        # One step of each kind of phase is enough to see that what is random in it repeats.
+        "phases": [
+            Phase(until=0.5),
+            Phase(until=0.75, unseen=2, unroll=2),
+            Phase(until=1, unseen=1, unroll=2, energy=1),
+        ],
+    }
+    return TrainingConfig(**{**standard, **changes})
+
+
+def message_passing(kind: str, **changes) -> TrainingConfig:
+    """The same of one of the paper's networks."""
+    sizes = {"surface_particles": 40} if kind == "gns" else {}
+    phases = [Phase(until=0.5), Phase(until=1, unseen=1, unroll=2)]
+    return config(**{"kind": kind, "phases": phases, "history": 2, **sizes, **changes})
+
+
+def batch_of(run: Run, data, step: int = 0):
+    return read_batch(Windows(data), run, step)
+
+
+def fresh() -> list[np.random.Generator]:
+    return [np.random.default_rng(number) for number in range(2)]
+
+
+class Stop(Exception):
+    pass
+
+
+def stop_at(step: int):
+    def report(progress) -> None:
+        if progress.step == step:
+            raise Stop
+
+    return report
+
+
+def assert_same(one: Run, other: Run) -> None:
+    assert one.step == other.step
+    for mine, theirs in ((one.model, other.model), (one.average, other.average)):
+        for name, value in mine.state_dict().items():
+            assert torch.equal(value, theirs.state_dict()[name]), name
+    ours, others = one.adam.state_dict()["state"], other.adam.state_dict()["state"]
+    assert all(torch.equal(ours[i][key], others[i][key]) for i in ours for key in ours[i])

@@ -35,6 +35,43 @@ def test_a_configuration_survives_the_way_through_json():
     assert TrainingConfig.model_validate_json(config.model_dump_json()) == config
 
 
+@pytest.mark.parametrize("name", ["surfsup", "surfsup-velocity", "value-only", "no-sdf", "gns"])
+def test_the_papers_networks_differ_in_their_kind_alone(name):
+    config = load_config(name)
+    assert config == load_config("surfsup").model_copy(update={"kind": name})
+    assert (config.architecture.width, config.architecture.layers) == (64, 5)
+    paper = load_config(name, ["size=paper", "layers=3"])
+    assert (paper.architecture.width, paper.architecture.layers, paper.architecture.history) == (128, 3, 4)
+
+
+def test_a_file_can_be_like_a_preset(tmp_path):
+    path = tmp_path / "mine.yaml"
+    path.write_text("like: gns\nsurface_particles: 5000")
+    assert load_config(str(path)) == load_config("gns", ["surface_particles=5000"])
+    path.write_text("like: gsn")
+    assert "like: there is no preset 'gsn'" in complaint(str(path))
+
+
+@pytest.mark.parametrize(
+    ("preset", "override", "said"),
+    [
+        ("surfsup", "surface_particles=5", "'surface_particles' is no size of kind 'surfsup'"),
+        ("first", "history=4", "'history' is no size of kind 'convolution'"),
+        ("first", "size=paper", "kind 'convolution' has no sizes by name"),
+        ("first", "precision=bf16", "kind 'convolution' computes in precision 32 only"),
+        ("surfsup", "phases=[{until: 1, energy: 1}]", "kind 'surfsup' has no energy term"),
+        ("surfsup", "history=1000", "history is 1000"),
+    ],
+)
+def test_what_a_kind_does_not_have_is_refused(preset, override, said):
+    assert said in complaint(preset, override)
+
+
+@pytest.mark.parametrize("precision", ["32", "bf16"])
+def test_precision_can_be_written_as_a_number(precision):
+    assert load_config("surfsup", [f"precision={precision}"]).precision == precision
+
+
 @pytest.mark.parametrize(
     ("override", "said"),
     [
@@ -51,6 +88,11 @@ def test_a_configuration_survives_the_way_through_json():
         ("seed=-1", "seed: "),
         ("phases=[]", "phases: "),
         ("phases=[{until: 2}]", "phases.0.until: "),
+        ("phases=[{until: 0.5}, {until: 0.4}, {until: 1}]", "phases: each 'until' must be above the one before"),
+        ("phases=[{until: 0.5}, {until: 0.5}]", "phases: each 'until' must be above the one before"),
+        ("kind=convolutoin", "there is no kind 'convolutoin' (did you mean 'convolution'?)"),
+        ("schedule=linear", "schedule: "),
+        ("precision=16", "precision: "),
         ("phases=[{until: 1, unroll: 0}]", "phases.0.unroll: "),
     ],
 )
@@ -59,7 +101,8 @@ def test_a_wrong_override_is_named(override, said):
 
 
 def test_an_unknown_preset_is_answered_with_those_there_are():
-    assert "no training preset or file 'frist'; presets are first" in complaint("frist")
+    assert "no training preset or file 'frist' (did you mean 'first'?); presets are first" in complaint("frist")
+    assert "file 'xyzzy'; presets are" in complaint("xyzzy")
 
 
 @pytest.mark.parametrize("content", [b"steps: [", b"- 1", b"words", bytes(range(256)), b"", b"a: &b 1\nc: *b"])

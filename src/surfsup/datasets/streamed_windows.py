@@ -7,6 +7,7 @@ from contextlib import AbstractContextManager
 from pathlib import Path
 
 import numpy as np
+import torch
 
 from surfsup.datasets.stream import Simulated, Stream, stream
 from surfsup.datasets.windows import Window, draw_window
@@ -22,25 +23,26 @@ class StreamedWindows:
     fast the workers are, so unlike with a folder the same seed does not give the same windows.
     """
 
-    def __init__(self, stream: Stream, size: int = POOL) -> None:
-        """Wait for the first simulation of ``stream``; keep the last ``size`` of them.
+    def __init__(self, stream: Stream, size: int = POOL, device: torch.device | str = "cpu") -> None:
+        """Wait for the first simulation of ``stream``; keep the last ``size`` of them, windows lie on ``device``.
 
         Raises:
             SimulationError: no scene could be simulated, or the scheduler was lost.
         """
-        self._stream = stream
+        self._stream, self._device = stream, device
         self._pool: deque[tuple[Simulated, Surroundings]] = deque(maxlen=size)
         self._add(next(stream))
 
     def _add(self, simulated: Simulated) -> None:
-        self._pool.append((simulated, Surroundings.of(simulated.scene, simulated.scene.build_surface())))
+        around = Surroundings.of(simulated.scene, simulated.scene.build_surface(), self._device)
+        self._pool.append((simulated, around))
 
     def __len__(self) -> int:
         """The number of simulations in the pool."""
         return len(self._pool)
 
-    def draw(self, random: np.random.Generator, frames: int) -> Window:
-        """A window of ``frames`` frames after its first, of a random scene, place in time and symmetry.
+    def draw(self, random: np.random.Generator, past: int, frames: int) -> Window:
+        """A window of ``past`` frames, the present one and ``frames`` more, of a random scene, time and symmetry.
 
         What has come in is taken into the pool before; this waits for nothing.
 
@@ -51,7 +53,8 @@ class StreamedWindows:
         for simulated in self._stream.ready():
             self._add(simulated)
         simulated, around = self._pool[int(random.integers(len(self)))]
-        return draw_window(simulated, f"scene {simulated.index} of the stream", around, random, frames)
+        name = f"scene {simulated.index} of the stream"
+        return draw_window(simulated, simulated.scene, name, around, random, past, frames)
 
 
 def stream_for_training(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Protocol
 
@@ -11,7 +11,8 @@ import torch
 from torch import Tensor
 
 from surfsup.errors import InputError
-from surfsup.model.state import State, Surroundings
+from surfsup.model.state import Surroundings
+from surfsup.scene import FRAME_TIME, PARTICLE_RADIUS, Scene
 from surfsup.sdf import Transformed
 from surfsup.trajectory import Trajectory
 
@@ -21,51 +22,69 @@ EARLY_SHARE = 0.6  # of the windows that start there
 
 @dataclass(frozen=True)
 class Window:
-    """Consecutive frames of one scene.
+    """Consecutive frames of one scene: P past ones, the present one, K that follow.
 
     Attributes:
-        state: the fluid at the first of them.
-        positions: (K, N, 3) of the K frames that follow, metres.
-        velocities: (K, N, 3), m/s.
+        positions: (P + 1 + K, N, 3), metres.
+        velocities: (P + 1 + K, N, 3), m/s at the ends of the frames.
+        past: P.
         around: container, solid and gravity.
+        scene: what the frames are of, before any symmetry.
+        name: of the scene, for complaints.
     """
 
-    state: State
     positions: Tensor
     velocities: Tensor
+    past: int
     around: Surroundings
+    scene: Scene
+    name: str
+
+    @property
+    def up_to_now(self) -> tuple[Tensor, Tensor]:
+        """Positions and velocities (P + 1, N, 3): what a simulator's state is made of."""
+        return self.positions[: self.past + 1], self.velocities[: self.past + 1]
+
+    @property
+    def following(self) -> int:
+        """How many frames follow the present one."""
+        return len(self.positions) - 1 - self.past
+
+    def frame(self, number: int) -> tuple[Tensor, Tensor]:
+        """Positions and velocities (N, 3) of a frame; 0 is the present one, 1 the first that follows."""
+        return self.positions[self.past + number], self.velocities[self.past + number]
 
     def seen_through(self, matrix: Tensor) -> Window:
         """The same window turned or mirrored by an orthogonal ``matrix`` that maps axes onto axes."""
         around = self.around
-        surface = None if around.surface is None else Transformed(around.surface, matrix)
+        surface = None if around.surface is None else Transformed(around.surface, matrix).to(matrix.device)
         corners = torch.stack([matrix @ around.lower, matrix @ around.upper])
-        return Window(
-            State(*(value @ matrix.T for value in vars(self.state).values())),
-            self.positions @ matrix.T,
-            self.velocities @ matrix.T,
-            Surroundings(surface, corners.amin(dim=0), corners.amax(dim=0), matrix @ around.gravity),
+        return replace(
+            self,
+            positions=self.positions @ matrix.T,
+            velocities=self.velocities @ matrix.T,
+            around=Surroundings(surface, corners.amin(dim=0), corners.amax(dim=0), matrix @ around.gravity),
         )
 
 
 class WindowSource(Protocol):
     """Where training draws its windows from."""
 
-    def draw(self, random: np.random.Generator, frames: int) -> Window:
-        """A window of ``frames`` frames after its first, of a random scene, place in time and symmetry."""
+    def draw(self, random: np.random.Generator, past: int, frames: int) -> Window:
+        """A window of ``past`` frames, the present one and ``frames`` more, of a random scene, time and symmetry."""
 
 
 class Windows:
     """Random windows of a folder of trajectories."""
 
-    def __init__(self, folder: Path) -> None:
-        """Look through every trajectory in ``folder``.
+    def __init__(self, folder: Path, device: torch.device | str = "cpu") -> None:
+        """Look through every trajectory in ``folder``; windows will lie on ``device``.
 
         Files are opened anew for every window, which takes 2 ms: a thousand open ones would be more than most
         systems allow, and each would keep its last chunks in memory.
 
         Raises:
-            InputError: there is none, or one cannot be read.
+            InputError: there is none, or one cannot be read or is of another frame time or particle radius.
         """
         self.paths = sorted(folder.glob("*.h5"))
         if not self.paths:
@@ -73,22 +92,39 @@ class Windows:
         self._surroundings = []
         for path in self.paths:
             with Trajectory(path) as trajectory:
+                check_units(path, trajectory)
                 scene = trajectory.scene
-                self._surroundings.append(Surroundings.of(scene, scene.build_surface()))
+                self._surroundings.append(Surroundings.of(scene, scene.build_surface(), device))
 
     def __len__(self) -> int:
         """The number of trajectories."""
         return len(self.paths)
 
-    def draw(self, random: np.random.Generator, frames: int) -> Window:
-        """A window of ``frames`` frames after its first, of a random scene, place in time and symmetry.
+    def draw(self, random: np.random.Generator, past: int, frames: int) -> Window:
+        """A window of ``past`` frames, the present one and ``frames`` more, of a random scene, time and symmetry.
 
         Raises:
             InputError: the scene's trajectory is too short for such a window.
         """
-        scene = int(random.integers(len(self)))
-        with Trajectory(self.paths[scene]) as trajectory:
-            return draw_window(trajectory, str(self.paths[scene]), self._surroundings[scene], random, frames)
+        number = int(random.integers(len(self)))
+        path = self.paths[number]
+        with Trajectory(path) as trajectory:
+            return draw_window(
+                trajectory, trajectory.scene, str(path), self._surroundings[number], random, past, frames
+            )
+
+
+def check_units(path: Path, trajectory: Trajectory) -> None:
+    """Refuse what no simulator here could learn from.
+
+    Raises:
+        InputError: the trajectory is of another frame time or particle radius than the simulators'.
+    """
+    if not np.allclose([trajectory.frame_time, trajectory.radius], [FRAME_TIME, PARTICLE_RADIUS], rtol=1e-6):
+        raise InputError(
+            f"{path}: has a frame every {trajectory.frame_time:g} s and particles of radius {trajectory.radius:g} m; "
+            f"the simulators here are for {FRAME_TIME:g} s and {PARTICLE_RADIUS:g} m, so take other data"
+        )
 
 
 class Frames(Protocol):
@@ -101,25 +137,32 @@ class Frames(Protocol):
         """Positions and velocities (count, N, 3) float32 from frame ``first`` on."""
 
 
-def draw_window(frames_of: Frames, name: str, around: Surroundings, random: np.random.Generator, frames: int) -> Window:
-    """A window of ``frames`` frames after its first, of a random place in time and symmetry.
+def draw_window(
+    frames_of: Frames,
+    scene: Scene,
+    name: str,
+    around: Surroundings,
+    random: np.random.Generator,
+    past: int,
+    frames: int,
+) -> Window:
+    """A window of ``past`` frames, the present one and ``frames`` more, of a random time and symmetry.
 
     Raises:
         InputError: there are too few frames for that, which the complaint says of ``name``.
     """
     last = len(frames_of) - 1 - frames
-    if last < 1:
-        raise InputError(f"{name}: has {len(frames_of)} frames, training needs at least {frames + 2}")
+    if last < past:
+        raise InputError(f"{name}: has {len(frames_of)} frames, training needs at least {past + 1 + frames}")
     early = random.random() < EARLY_SHARE
-    first = int(random.integers(1, min(EARLY_FRAMES, last + 1) if early else last + 1))
-    positions, velocities = (torch.from_numpy(values) for values in frames_of.window(first - 1, frames + 2))
-    return window(positions, velocities, around).seen_through(symmetry(random))
-
-
-def window(positions: Tensor, velocities: Tensor, around: Surroundings) -> Window:
-    """The window of frames (K + 2, N, 3), of which the first is only the past of the state."""
-    state = State(positions[1], velocities[1], positions[1] - positions[0], velocities[1] - velocities[0])
-    return Window(state, positions[2:], velocities[2:], around)
+    end = max(past + 1, min(EARLY_FRAMES, last + 1)) if early else last + 1
+    now = int(random.integers(past, end))
+    device = around.lower.device
+    positions, velocities = (
+        torch.from_numpy(values).to(device) for values in frames_of.window(now - past, past + 1 + frames)
+    )
+    whole = Window(positions, velocities, past, around, scene, name)
+    return whole.seen_through(symmetry(random).to(device))
 
 
 def symmetry(random: np.random.Generator) -> Tensor:

@@ -6,6 +6,7 @@ The full judgement, from trajectory files and beside the floor, is ``evaluate.py
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -51,7 +52,9 @@ class Scores:
 
 
 @torch.no_grad()
-def rollout_scores(model: LearnedSimulator, truth: Trajectory, frames: int, every: int = 1) -> Scores:
+def rollout_scores(
+    model: LearnedSimulator, truth: Trajectory, frames: int, every: int = 1, device: torch.device | str = "cpu"
+) -> Scores:
     """Roll the model out from the start of ``truth`` and score its first frames.
 
     Args:
@@ -59,15 +62,17 @@ def rollout_scores(model: LearnedSimulator, truth: Trajectory, frames: int, ever
         truth: what the reference solver made of the scene.
         frames: how many are scored; cut to those of ``truth``.
         every: Chamfer distances are taken at every so many-th frame; all else at each.
+        device: where the model is.
     """
     surface = truth.scene.build_surface()
-    around = Surroundings.of(truth.scene, surface)
+    around = Surroundings.of(truth.scene, surface, device)
     frames = min(frames, len(truth))
     true_positions, true_velocities = truth.positions[:frames], truth.velocities[:frames]
-    state = model.start(torch.from_numpy(true_positions[0]), torch.from_numpy(true_velocities[0]), around)
+    start = (torch.from_numpy(values[0]).to(device) for values in (true_positions, true_velocities))
+    state = model.start(*start, around)
     tally = Tally()
     for frame, (now, moved) in enumerate(model.rollout(state, around, frames)):
-        positions, velocities = now.positions.numpy(), now.velocities.numpy()
+        positions, velocities = now.positions.cpu().numpy(), now.velocities.cpu().numpy()
         if not (np.isfinite(positions).all() and np.isfinite(velocities).all()):
             tally.chamfer.append(NO_CHAMFER)
             break
@@ -78,7 +83,7 @@ def rollout_scores(model: LearnedSimulator, truth: Trajectory, frames: int, ever
         tally.true_energy.append(kinetic_energy(true_velocities[frame]))
         tally.guarded.append(float(moved.float().mean()))
         if surface is not None:
-            tally.inside += int((surface.distance(now.positions) < 0).sum())
+            tally.inside += int((around.surface.distance(now.positions) < 0).sum())
         tally.outside += int(((now.positions < around.lower) | (now.positions > around.upper)).any(dim=-1).sum())
     return tally.scores()
 
@@ -108,17 +113,19 @@ class Tally:
         )
 
 
-def judge(model: LearnedSimulator, folder: Path, scenes: int, frames: int) -> Scores:
-    """Mean scores over the first ``scenes`` trajectories of ``folder``; Chamfer at every fifth frame.
+def judge(
+    model: LearnedSimulator, folder: Path, scenes: int, frames: int, device: torch.device | str = "cpu"
+) -> Iterator[Scores]:
+    """The scores of the first ``scenes`` trajectories of ``folder``, one by one; Chamfer at every fifth frame.
+
+    The model is on ``device``.
 
     Raises:
         InputError: the folder has no trajectories.
     """
-    every = []
     for path in first_trajectories(folder, scenes):
         with Trajectory(path) as truth:
-            every.append(rollout_scores(model, truth, frames, every=5))
-    return mean_scores(every)
+            yield rollout_scores(model, truth, frames, every=5, device=device)
 
 
 def first_trajectories(folder: Path, count: int) -> list[Path]:

@@ -7,6 +7,7 @@ import math
 from dataclasses import asdict, dataclass
 from importlib.resources import files
 from pathlib import Path
+from typing import Any
 
 from safetensors import SafetensorError, safe_open
 from safetensors.torch import save_file
@@ -15,6 +16,7 @@ from torch import Tensor
 from surfsup.errors import InputError
 from surfsup.model.kinds import KINDS
 from surfsup.model.learned_simulator import LearnedSimulator, Sizes
+from surfsup.model.seen import Seen
 
 FORMAT = "surfsup-simulator-2"
 DEFAULT_MODEL = "first"
@@ -28,10 +30,24 @@ class Card:
     Attributes:
         name: of the model.
         about: data, seeds, command, time and scores, as plain text.
+        seen: what the training data were like, where that is known.
     """
 
     name: str
     about: str
+    seen: Seen | None = None
+
+    @classmethod
+    def from_json(cls, data: dict[str, Any]) -> Card:
+        """The card that was written as JSON.
+
+        Raises:
+            TypeError: a key is missing or unknown.
+        """
+        if not isinstance(data, dict):
+            raise TypeError(f"a card is a mapping, not {data!r}")
+        seen = data.get("seen")
+        return cls(**{**data, "seen": None if seen is None else Seen.from_json(seen)})
 
 
 def save(path: Path, simulator: LearnedSimulator, card: Card) -> None:
@@ -76,7 +92,7 @@ def load(path: Path) -> tuple[LearnedSimulator, Card]:
         check_sizes(architecture, tensors)
         simulator = kind(architecture)
         simulator.load_state_dict(tensors)
-        card = Card(**json.loads(header["card"]))
+        card = Card.from_json(json.loads(header["card"]))
     except SafetensorError as error:
         raise InputError(
             f"{path}: is cut off or not a safetensors file ({error}); pickled weights are refused"

@@ -1,20 +1,30 @@
-"""What a training run is: the architecture, the data it asks for, the schedule."""
+"""What a training run is: the model, the steps it takes, the schedule."""
 
 from __future__ import annotations
 
+import difflib
+from collections.abc import Iterable
 from importlib.resources import files
+from itertools import pairwise
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, field_validator, model_validator
 
 from surfsup.errors import InputError
+from surfsup.model.kinds import KINDS
+from surfsup.model.learned_simulator import Sizes
+from surfsup.model.message_passing.architecture import SIZES
+from surfsup.model.message_passing.simulator import MessagePassingSimulator
 from surfsup.scene.complaints import one_line
 from surfsup.scene.text import parse_yaml
 
 Count = Annotated[int, Field(ge=1)]
 Share = Annotated[float, Field(ge=0, le=1)]
 Amount = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+Above = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+
+ARCHITECTURE = ("width", "layers", "radius", "history", "stride", "surface_particles")  # what may be a kind's sizes
 
 
 class Phase(BaseModel):
@@ -22,10 +32,10 @@ class Phase(BaseModel):
 
     Attributes:
         until: share of all steps at which the phase ends.
-        unseen: up to so many frames are rolled out first, without gradient (push-forward).
-        unroll: frames that the loss is taken over, with gradient through all of them.
+        unseen: up to so many of the model's steps are rolled out first, without gradient (push-forward).
+        unroll: steps that the loss is taken over, with gradient through all of them.
         noise: metres; largest spread of the noise on the first state.
-        energy: weight of the energy term.
+        energy: weight of the energy term; only the convolution has one.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
@@ -41,13 +51,19 @@ class TrainingConfig(BaseModel):
     """One training run.
 
     Attributes:
-        width, layers, radius: the architecture's.
-        batch: windows a step.
+        kind: of simulator; one of ``surfsup.model.kinds.KINDS``.
+        size: width and layers by name, 'paper' or 'small'; only the message-passing kinds have such.
+        width, layers, radius, history, stride, surface_particles: the architecture's; what is left out is as ``size``
+            says, else the kind's own default.
+        batch: windows a step, over all processes.
         steps: of the optimiser, over which the schedule runs.
         stop: step to stop at before the schedule ends; None runs it to its end.
-        learning_rate, final_learning_rate: of Adam, at the start and, by a cosine, at the end.
+        learning_rate, final_learning_rate: of Adam, at the start and at the end.
+        schedule: from one to the other by a cosine, or exponentially as the paper has it.
         warm_up: steps over which the learning rate rises.
+        clip: the largest norm of the gradient; a longer one is shortened.
         averaging: decay of the moving average of the weights, which is what is judged and kept.
+        precision: '32', or 'bf16' for the message-passing networks' large products.
         judge_every: steps between rollouts on the validation scenes.
         judge_scenes, judge_frames: how many scenes and how far.
         phases: what the steps are like, in order.
@@ -56,21 +72,68 @@ class TrainingConfig(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
-    width: Count = 32
-    layers: Count = 5
-    radius: Annotated[float, Field(gt=0, allow_inf_nan=False)] = 0.061
+    kind: str = "convolution"
+    size: Literal["paper", "small"] | None = None
+    width: Count | None = None
+    layers: Count | None = None
+    radius: Above | None = None
+    history: Count | None = None
+    stride: Count | None = None
+    surface_particles: Count | None = None
     batch: Count = 2
     steps: Count = 40_000
     stop: Count | None = None
-    learning_rate: Amount = 2e-3
+    learning_rate: Above = 2e-3
     final_learning_rate: Amount = 2e-5
-    warm_up: Count = 200
+    schedule: Literal["cosine", "exponential"] = "cosine"
+    warm_up: Annotated[int, Field(ge=0)] = 200
+    clip: Above = 1.0
     averaging: Share = 0.999
+    precision: Annotated[Literal["32", "bf16"], BeforeValidator(str)] = "32"
     judge_every: Count = 4_000
     judge_scenes: Count = 5
     judge_frames: Count = 300
     phases: Annotated[list[Phase], Field(min_length=1)]
     seed: Annotated[int, Field(ge=0)] = 0
+
+    @field_validator("kind")
+    @classmethod
+    def _is_known(cls, kind: str) -> str:
+        if kind not in KINDS:
+            raise ValueError(f"there is no kind '{kind}'{nearest(kind, KINDS)}; kinds are {', '.join(KINDS)}")
+        return kind
+
+    @field_validator("phases")
+    @classmethod
+    def _rises(cls, phases: list[Phase]) -> list[Phase]:
+        ends = [phase.until for phase in phases]
+        if any(later <= earlier for earlier, later in pairwise(ends)):
+            raise ValueError(f"each 'until' must be above the one before, but they are {ends}")
+        return phases
+
+    @model_validator(mode="after")
+    def _fits_its_kind(self) -> TrainingConfig:
+        kind = KINDS[self.kind]
+        given = [name for name in ARCHITECTURE if getattr(self, name) is not None]
+        strange = [name for name in given if name not in kind.architecture_type.__dataclass_fields__]
+        if strange:
+            raise ValueError(f"'{strange[0]}' is no size of kind '{self.kind}'; leave it out")
+        if not issubclass(kind, MessagePassingSimulator):
+            if self.size is not None:
+                raise ValueError(f"kind '{self.kind}' has no sizes by name; give 'width' and 'layers'")
+            if self.precision != "32":
+                raise ValueError(f"kind '{self.kind}' computes in precision 32 only")
+        elif any(phase.energy > 0 for phase in self.phases):
+            raise ValueError(f"kind '{self.kind}' has no energy term; leave 'energy' out of the phases")
+        _ = self.architecture
+        return self
+
+    @property
+    def architecture(self) -> Sizes:
+        """The sizes of the model."""
+        given = {name: value for name in ARCHITECTURE if (value := getattr(self, name)) is not None}
+        named = {} if self.size is None else SIZES[self.size]
+        return KINDS[self.kind].architecture_type(**{**named, **given})
 
     @property
     def last_step(self) -> int:
@@ -91,22 +154,7 @@ def load_config(name: str, overrides: list[str] | None = None) -> TrainingConfig
     Raises:
         InputError: no such preset or file, an unknown key, or a value out of range.
     """
-    presets = files("surfsup.training") / "presets"
-    known = sorted(entry.name.removesuffix(".yaml") for entry in presets.iterdir() if entry.name.endswith(".yaml"))
-    path = Path(name)
-    if name in known:
-        text = (presets / f"{name}.yaml").read_text()
-    elif path.is_file():
-        try:
-            text = path.read_text(encoding="utf-8")
-        except (OSError, ValueError) as error:
-            reason = error.strerror if isinstance(error, OSError) else "it is not text"
-            raise InputError(f"{path}: cannot be read as a configuration: {reason}") from None
-    else:
-        raise InputError(f"there is no training preset or file '{name}'; presets are {', '.join(known)}")
-    data = parse_yaml(text, name) or {}
-    if not isinstance(data, dict):
-        raise InputError(f"{name}: a configuration is a mapping with at least the key 'phases'")
+    data = mapping_of(name)
     for override in overrides or []:
         key, equals, value = override.partition("=")
         if not equals:
@@ -116,6 +164,43 @@ def load_config(name: str, overrides: list[str] | None = None) -> TrainingConfig
         return TrainingConfig.model_validate(data)
     except ValidationError as error:
         raise InputError(f"{name}: {one_line(error, TrainingConfig)}") from None
+
+
+def mapping_of(name: str) -> dict[str, Any]:
+    """The keys and values of a preset or file, on top of those of the preset that its key ``like`` names.
+
+    Raises:
+        InputError: no such preset or file, or it is no mapping.
+    """
+    folder = files("surfsup.training") / "presets"
+    known = sorted(entry.name.removesuffix(".yaml") for entry in folder.iterdir() if entry.name.endswith(".yaml"))
+    path = Path(name)
+    if name in known:
+        text = (folder / f"{name}.yaml").read_text()
+    elif path.is_file():
+        try:
+            text = path.read_text(encoding="utf-8")
+        except (OSError, ValueError) as error:
+            reason = error.strerror if isinstance(error, OSError) else "it is not text"
+            raise InputError(f"{path}: cannot be read as a configuration: {reason}") from None
+    else:
+        hint = nearest(name, known)
+        raise InputError(f"there is no training preset or file '{name}'{hint}; presets are {', '.join(known)}")
+    data = parse_yaml(text, name) or {}
+    if not isinstance(data, dict):
+        raise InputError(f"{name}: a configuration is a mapping with at least the key 'phases'")
+    base = data.pop("like", None)
+    if base is None:
+        return data
+    if base not in known or base == name:
+        raise InputError(f"{name}: like: there is no preset '{base}'; presets are {', '.join(known)}")
+    return {**mapping_of(base), **data}
+
+
+def nearest(name: str, known: Iterable[str]) -> str:
+    """A question to put after the name that may have been meant, empty where none is near."""
+    near = difflib.get_close_matches(name, list(known), n=1)
+    return f" (did you mean '{near[0]}'?)" if near else ""
 
 
 def seconds_of(text: str) -> float:

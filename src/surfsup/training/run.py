@@ -2,68 +2,104 @@
 
 from __future__ import annotations
 
-import json
 import math
 from copy import deepcopy
+from dataclasses import asdict
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import torch
-from safetensors import SafetensorError, safe_open
-from safetensors.torch import load_file, save_file
+from pydantic import ValidationError
+from torch import Tensor
 
 from surfsup.errors import InputError
-from surfsup.model.simulator import Architecture, Simulator
+from surfsup.model.kinds import KINDS
+from surfsup.model.learned_simulator import LearnedSimulator
+from surfsup.model.seen import Seen
+from surfsup.training.checkpoint import Checkpoint, CheckpointFiles
 from surfsup.training.config import TrainingConfig
+from surfsup.training.devices import fabric_on
+from surfsup.training.objectives import objective_for
+
+if TYPE_CHECKING:
+    from lightning_fabric import Fabric
 
 
 class Run:
-    """One training run and its folder: configuration, checkpoint, log and the best weights so far."""
+    """One training run and its folder: configuration, checkpoint, log and the best weights so far.
 
-    def __init__(self, config: TrainingConfig, folder: Path) -> None:
+    Attributes:
+        model: what is trained.
+        average: its moving average, which is judged and kept.
+        objective: what is minimised; ``loss`` is the same, wrapped for the devices.
+        step: how many are done.
+        judged: the step at which the last rollouts were.
+        best: rank of the best weights so far.
+        seconds: of training.
+        seen: what the windows were like; of the first process, where there are several.
+        untouched: whether the weights are still the random ones.
+    """
+
+    def __init__(self, config: TrainingConfig, folder: Path, fabric: Fabric | None = None) -> None:
+        """Make the model of ``config`` with random weights; on the CPU where no ``fabric`` is given.
+
+        Raises:
+            InputError: Lightning Fabric is not installed, or the batch does not go evenly into the processes.
+        """
+        self.config, self.folder, self.fabric = config, folder, fabric or fabric_on("cpu")
+        if config.batch % self.fabric.world_size:
+            raise InputError(
+                f"a batch of {config.batch} does not go evenly into {self.fabric.world_size} processes; "
+                f"give batch={self.fabric.world_size} or a multiple"
+            )
         torch.manual_seed(config.seed)
-        self.config, self.folder = config, folder
-        self.model = Simulator(Architecture(config.width, config.layers, config.radius))
-        self.average = deepcopy(self.model).requires_grad_(False)
-        self.optimizer = torch.optim.Adam(self.model.parameters(), lr=config.learning_rate, fused=True)
-        self.step = 0
+        self.model: LearnedSimulator = KINDS[config.kind](config.architecture)
+        self.average = deepcopy(self.model).requires_grad_(False).to(self.fabric.device)
+        self.objective = objective_for(self.model, config)
+        adam = torch.optim.Adam(self.model.parameters(), lr=config.learning_rate, fused=True)
+        self.loss, self.optimizer = self.fabric.setup(self.objective, adam)
+        self.files = CheckpointFiles(folder)
+        self.step = self.judged = 0
         self.best = math.inf
         self.seconds = 0.0
+        self.seen: Seen | None = None
+        self.untouched = True
 
-    def start_from(self, simulator: Simulator) -> None:
+    def start_from(self, simulator: LearnedSimulator) -> None:
         """Begin with the weights of a trained simulator instead of random ones.
 
         Raises:
-            InputError: it is of another architecture.
+            InputError: it is of another kind or architecture.
         """
-        if simulator.architecture != self.model.architecture:
+        if simulator.kind != self.model.kind or simulator.architecture != self.model.architecture:
             raise InputError(
-                f"the weights to start from are of {simulator.architecture}, the run asks for {self.model.architecture}"
+                f"the weights to start from are of '{simulator.kind}', {simulator.architecture}; the run asks for "
+                f"'{self.model.kind}', {self.model.architecture}"
             )
         self.model.load_state_dict(simulator.state_dict())
         self.average.load_state_dict(simulator.state_dict())
-
-    @property
-    def checkpoint(self) -> Path:
-        """The file from which the run can go on."""
-        return self.folder / "checkpoint.safetensors"
+        self.untouched = False
 
     def save(self) -> None:
-        """Write all that the run needs to go on, so that a kill at any moment leaves a whole file."""
+        """Write all that the run needs to go on; where there are several processes, only the first does.
+
+        Raises:
+            InputError: the disk is full or not writable.
+        """
+        if not self.fabric.is_global_zero:
+            return
         tensors = {f"model.{name}": value for name, value in self.model.state_dict().items()}
         tensors |= {f"average.{name}": value for name, value in self.average.state_dict().items()}
-        for number, state in self.optimizer.state_dict()["state"].items():
+        for number, state in self.adam.state_dict()["state"].items():
             tensors |= {f"optimizer.{number}.{name}": value for name, value in state.items()}
-        header = {"step": self.step, "best": self.best, "seconds": self.seconds}
-        partial = self.checkpoint.with_suffix(".partial")
-        try:
-            save_file(
-                {name: value.contiguous() for name, value in tensors.items()},
-                partial,
-                metadata={"run": json.dumps(header), "config": self.config.model_dump_json()},
-            )
-            partial.replace(self.checkpoint)
-        except (OSError, SafetensorError) as error:
-            raise InputError(f"{self.checkpoint}: cannot be written ({error})") from None
+        counters = {
+            "step": self.step,
+            "judged": self.judged,
+            "best": self.best,
+            "seconds": self.seconds,
+            "seen": None if self.seen is None else asdict(self.seen),
+        }
+        self.files.save(Checkpoint(tensors, counters, self.config.model_dump_json()))
 
     def resume(self) -> None:
         """Go on from the checkpoint in the folder.
@@ -71,32 +107,39 @@ class Run:
         Raises:
             InputError: there is none, it is cut off, or it belongs to another configuration.
         """
-        if not self.checkpoint.exists():
-            raise InputError(f"{self.checkpoint}: there is no checkpoint to resume")
+        checkpoint = self.files.load()
         try:
-            with safe_open(self.checkpoint, framework="pt") as file:
-                header = file.metadata() or {}
-            if TrainingConfig.model_validate_json(header["config"]) != self.config:
-                raise InputError(f"{self.checkpoint}: belongs to a run of another configuration; take a new folder")
-            self._take(load_file(self.checkpoint), json.loads(header["run"]))
-        except InputError:
-            raise
-        except (SafetensorError, OSError, KeyError, TypeError, ValueError, RuntimeError) as error:
+            same = TrainingConfig.model_validate_json(checkpoint.config) == self.config
+        except ValidationError:
+            same = False
+        if not same:
+            raise InputError(f"{self.files.last}: belongs to a run of another configuration; take a new folder")
+        try:
+            self._take(checkpoint.tensors, checkpoint.counters)
+        except (KeyError, TypeError, ValueError, RuntimeError) as error:
             reason = " ".join(str(error).split())[:120]
-            raise InputError(f"{self.checkpoint}: is cut off or no checkpoint ({reason})") from None
+            raise InputError(f"{self.files.last}: is no checkpoint of this version ({reason})") from None
 
-    def _take(self, tensors: dict[str, torch.Tensor], counters: dict[str, float]) -> None:
+    def _take(self, tensors: dict[str, Tensor], counters: dict[str, Any]) -> None:
         self.model.load_state_dict(part_of(tensors, "model."))
         self.average.load_state_dict(part_of(tensors, "average."))
-        states: dict[int, dict[str, torch.Tensor]] = {}
+        states: dict[int, dict[str, Tensor]] = {}
         for name, value in part_of(tensors, "optimizer.").items():
             number, key = name.split(".", 1)
             states.setdefault(int(number), {})[key] = value
-        groups = self.optimizer.state_dict()["param_groups"]
-        self.optimizer.load_state_dict({"state": states, "param_groups": groups})
-        self.step, self.best, self.seconds = counters["step"], counters["best"], counters["seconds"]
+        groups = self.adam.state_dict()["param_groups"]
+        self.adam.load_state_dict({"state": states, "param_groups": groups})
+        self.step, self.judged = counters["step"], counters["judged"]
+        self.best, self.seconds = counters["best"], counters["seconds"]
+        self.seen = None if counters["seen"] is None else Seen.from_json(counters["seen"])
+        self.untouched = False
+
+    @property
+    def adam(self) -> torch.optim.Optimizer:
+        """The optimiser without its wrapping."""
+        return self.optimizer.optimizer
 
 
-def part_of(tensors: dict[str, torch.Tensor], prefix: str) -> dict[str, torch.Tensor]:
+def part_of(tensors: dict[str, Tensor], prefix: str) -> dict[str, Tensor]:
     """The tensors whose name starts with ``prefix``, without it."""
     return {name.removeprefix(prefix): value for name, value in tensors.items() if name.startswith(prefix)}

@@ -2,27 +2,25 @@
 
 from __future__ import annotations
 
-import csv
 import math
 import time
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Protocol
 
-import numpy as np
+import torch
 
-from surfsup.datasets.windows import Window, WindowSource
-from surfsup.errors import SimulationError
-from surfsup.evaluation.judge import Scores, first_trajectories, judge
-from surfsup.model import weights
-from surfsup.training.config import TrainingConfig
+from surfsup.datasets.windows import WindowSource
+from surfsup.evaluation.judge import Scores
+from surfsup.model.seen import Seen
+from surfsup.training.batches import Batches, prepare
+from surfsup.training.judging import check_validation, keep_the_best
+from surfsup.training.objectives import Batch
 from surfsup.training.run import Run
-from surfsup.training.step import take_step
-from surfsup.trajectory import Trajectory
+from surfsup.training.step import NotANumber, StepReport, take_step
 
-READ_AHEAD = 8  # batches that reading is ahead of the optimiser
-SAVE_EVERY = 500  # steps: what a kill loses at most
+SAVE_EVERY = 300.0  # seconds: what a kill loses at most
 
 
 @dataclass(frozen=True)
@@ -44,97 +42,108 @@ class Progress:
     scores: Scores | None
 
 
-class NotANumber(SimulationError):
-    """The loss stopped being a number; the message says at which step."""
+class Log(Protocol):
+    """Where the course of a run is written."""
+
+    def add_step(self, step: int, report: StepReport) -> None:
+        """A step was done."""
+
+    def add_rollouts(self, run: Run, scores: Scores) -> None:
+        """The averaged weights were judged."""
 
 
 def train(
     run: Run,
     windows: WindowSource,
     validation: Path,
-    until: float = math.inf,
+    stop: Callable[[], bool] = lambda: False,
     report: Callable[[Progress], None] | None = None,
+    log: Log | None = None,
 ) -> None:
-    """Train until the configuration's steps are done or the time is up.
+    """Train until the configuration's steps are done or ``stop`` says so.
+
+    Where torchrun started several processes, all of them call this; the first judges and writes.
 
     Args:
         run: what to train; it may have been resumed.
         windows: what to train on.
         validation: folder of trajectories that choose the checkpoint; never a test set.
-        until: ``time.monotonic()`` value at which to stop with a checkpoint.
+        stop: asked before every step; a run that stops leaves a checkpoint.
         report: told how it goes, every step.
+        log: told what every step and all rollouts were like.
 
     Raises:
         InputError: the validation folder has no trajectories.
         NotANumber: the loss became NaN; the checkpoint before it is kept.
     """
-    config = run.config
     check_validation(validation)
     run.folder.mkdir(parents=True, exist_ok=True)
-    began, base, smoothed = time.monotonic(), run.seconds, math.nan
-    first_step = run.step
-    # What is random in a step follows from its number, so a resumed run sees what an undisturbed one would.
-    with ThreadPoolExecutor(1) as reader:
-        ahead = {
-            step: reader.submit(read_batch, windows, config, step)
-            for step in range(run.step, min(run.step + READ_AHEAD, config.last_step))
-        }
-        while run.step < config.last_step and time.monotonic() < until:
-            batch, random = ahead.pop(run.step).result()
-            if run.step + READ_AHEAD < config.last_step:
-                ahead[run.step + READ_AHEAD] = reader.submit(read_batch, windows, config, run.step + READ_AHEAD)
-            loss = take_step(run, batch, random)
-            if not math.isfinite(loss):
-                raise NotANumber(f"the loss is not a number at step {run.step}; {run.checkpoint} is from before")
+    if run.untouched:
+        prepare(windows, run)
+    first, began, base = run.step, time.monotonic(), run.seconds
+    smoothed, saved = math.nan, time.monotonic()
+    judge_if_due(run, validation, smoothed, stop, log)
+    with Batches(windows, run) as batches:
+        while run.step < run.config.last_step and not agreed(run, stop()):
+            batch = batches.of(run.step)
+            now = take_step(run, batch)
+            run.seen = with_batch(run.seen, batch)
+            loss = mean_of_processes(run, now.loss)
             smoothed = loss if math.isnan(smoothed) else 0.99 * smoothed + 0.01 * loss
             run.step += 1
             run.seconds = base + time.monotonic() - began
-            scores = None
-            if run.step % config.judge_every == 0 or run.step == config.last_step:
-                scores = keep_the_best(run, validation, smoothed)
-            if scores is not None or run.step % SAVE_EVERY == 0:
+            if log is not None:
+                log.add_step(run.step, now)
+            scores = judge_if_due(run, validation, smoothed, stop, log)
+            if time.monotonic() - saved > SAVE_EVERY:
                 run.save()
+                saved = time.monotonic()
             if report is not None:
-                speed = (time.monotonic() - began) / (run.step - first_step)
-                report(Progress(run.step, config.last_step, smoothed, speed * (config.last_step - run.step), scores))
-        for waiting in ahead.values():
-            waiting.cancel()
+                speed = (time.monotonic() - began) / (run.step - first)
+                left = run.config.last_step - run.step
+                report(Progress(run.step, run.config.last_step, smoothed, speed * left, scores))
     run.save()
 
 
-def check_validation(folder: Path) -> None:
-    """Find out now, not at the first rollouts, that there is nothing to judge by.
+def judge_if_due(run: Run, validation: Path, loss: float, stop: Callable[[], bool], log: Log | None) -> Scores | None:
+    """Rollouts every so many steps and after the last, between two checkpoints; the other processes wait.
 
-    Raises:
-        InputError: the folder has no trajectories, or the first is none.
+    A run that is killed meanwhile goes on with the rollouts.
     """
-    Trajectory(first_trajectories(folder, 1)[0]).close()
-
-
-def read_batch(windows: WindowSource, config: TrainingConfig, step: int) -> tuple[list[Window], np.random.Generator]:
-    """The windows of ``step`` and the generator that the rest of the step draws from."""
-    random = np.random.default_rng([config.seed, step])
-    phase = config.phase(step)
-    frames = phase.unroll + (int(random.integers(phase.unseen + 1)) if phase.unseen else 0)
-    return [windows.draw(random, frames) for _ in range(config.batch)], random
-
-
-def keep_the_best(run: Run, validation: Path, loss: float) -> Scores:
-    """Roll out the averaged weights, log the scores, and keep the weights if they are the best so far."""
-    config = run.config
-    scores = judge(run.average, validation, config.judge_scenes, config.judge_frames)
-    log = run.folder / "log.csv"
-    new = not log.exists()
-    with log.open("a", newline="") as file:
-        writer = csv.writer(file)
-        if new:
-            writer.writerow(["step", "seconds", "loss", *vars(scores)])
-        writer.writerow([run.step, f"{run.seconds:.0f}", f"{loss:.5f}", *(f"{v:.6g}" for v in vars(scores).values())])
-    if scores.rank < run.best:
-        run.best = scores.rank
-        about = f"step {run.step} of {config.model_dump_json()}; on validation scenes: {scores}"
-        weights.save(run.folder / "best.safetensors", run.average, weights.Card(run.folder.name, about))
+    due = run.step % run.config.judge_every == 0 or run.step == run.config.last_step
+    if not due or run.judged == run.step:
+        return None
+    run.save()
+    scores = keep_the_best(run, validation, loss, stop) if run.fabric.is_global_zero else None
+    run.fabric.barrier()
+    if scores is None and run.fabric.is_global_zero:
+        return None
+    run.judged = run.step
+    run.save()
+    if log is not None and scores is not None:
+        log.add_rollouts(run, scores)
     return scores
+
+
+def with_batch(seen: Seen | None, batch: Batch) -> Seen:
+    """What was seen before and in the windows of a batch."""
+    for window in batch.windows:
+        fastest = float(window.velocities.square().sum(dim=-1).max().sqrt())
+        own = Seen.of(window.scene, window.positions.shape[1], fastest)
+        seen = own if seen is None else seen.joined(own)
+    return seen
+
+
+def agreed(run: Run, stop: bool) -> bool:
+    """Whether any process wants to stop, so that none waits for another."""
+    return mean_of_processes(run, float(stop)) > 0
+
+
+def mean_of_processes(run: Run, value: float) -> float:
+    """The mean over all processes of a number that each has."""
+    if run.fabric.world_size == 1:
+        return value
+    return float(run.fabric.all_reduce(torch.tensor(value, device=run.fabric.device)))
 
 
 __all__ = ["NotANumber", "Progress", "Run", "train"]

@@ -1,4 +1,4 @@
-"""What training asks of a predicted frame."""
+"""What the correction objective asks of a predicted frame."""
 
 from __future__ import annotations
 
@@ -44,12 +44,17 @@ def motion_loss(predicted: Correction, wanted: Correction, near: Tensor) -> Tens
         wanted: the truth.
         near: (N,) whether a particle is within NEAR_SURFACE of the solid.
     """
-    error = (predicted.velocity - wanted.velocity).square().sum(dim=-1)
-    error = error + 2 * (predicted.position - wanted.position).square().sum(dim=-1)
+    error = squared_error(predicted, wanted)
     weight = torch.where(near, NEAR_WEIGHT, 1.0)
     # Without a gradient: else a frame could be made to look easier by straying further in the one before.
     size = wanted.velocity.detach().square().sum(dim=-1).mean()
     return (weight * error).sum() / weight.sum() / (size + FLOOR).sqrt()
+
+
+def squared_error(predicted: Correction, wanted: Correction) -> Tensor:
+    """Squared error of velocity and, twice, of position, of each particle (N,)."""
+    error = (predicted.velocity - wanted.velocity).square().sum(dim=-1)
+    return error + 2 * (predicted.position - wanted.position).square().sum(dim=-1)
 
 
 def energy_loss(velocities: Tensor, true_velocities: Tensor, places: Tensor, shift: Tensor) -> Tensor:

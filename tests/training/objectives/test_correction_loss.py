@@ -6,7 +6,7 @@ import torch
 from surfsup.model.features import DISPLACEMENT_SCALE
 from surfsup.model.simulator import Architecture, Correction, Simulator
 from surfsup.model.state import FRAME_TIME, State, Surroundings
-from surfsup.training.loss import ENERGY_CELL, RETURN, energy_loss, motion_loss, wanted_correction
+from surfsup.training.objectives.correction_loss import ENERGY_CELL, RETURN, energy_loss, motion_loss, wanted_correction
 
 AROUND = Surroundings(
     None, torch.tensor([-0.5, -0.5, 0.0]), torch.tensor([0.5, 0.5, 2.0]), torch.tensor([0.0, 0.0, -9.81])

@@ -1,0 +1,75 @@
+"""The objective of the paper's networks: the squared error of the normalised acceleration."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from surfsup.datasets.windows import Window
+from surfsup.model.message_passing.history import History
+from surfsup.model.message_passing.simulator import MessagePassingSimulator, join_seen
+from surfsup.training.config import Phase
+from surfsup.training.objectives.objective import Batch, Objective, StepErrors, mean_where
+
+NEAR_SURFACE = 0.09  # metres; alpha of the supplement
+NEAR_WEIGHT = 5.0  # lambda of the supplement
+
+
+class AccelerationObjective(Objective):
+    """Mean over the particles of the squared error, those near the surface counted five times.
+
+    Attributes:
+        bf16: whether the network computes in bfloat16; all around it stays in single precision.
+    """
+
+    model: MessagePassingSimulator
+
+    def __init__(self, model: MessagePassingSimulator, bf16: bool = False) -> None:
+        super().__init__(model, model.architecture.stride)
+        self.bf16 = bf16
+
+    def prepare(self, examples: Iterable[Window], randoms: Sequence[np.random.Generator], noise: float) -> None:
+        """Measure the normalisations on states with the training's noise."""
+        self.model.measure(
+            (
+                self.with_noise(self.model.state_after(*window.up_to_now), noise, random),
+                *self.true_step(window, 0),
+            )
+            for window, random in zip(examples, randoms, strict=True)
+        )
+
+    def with_noise(self, state: History, size: float, random: np.random.Generator) -> History:
+        """A random walk over the history; ``size`` is its spread at the last move."""
+        if size == 0:
+            return state
+        return self.model.with_noise(state, size, torch.Generator().manual_seed(int(random.integers(2**63))))
+
+    def true_step(self, window: Window, number: int) -> tuple[Tensor, Tensor]:
+        """The true move in a step of a window, metres, and the true velocities after it, m/s; both (N, 3)."""
+        before, _ = window.frame(number * self.frames_per_step)
+        positions, velocities = window.frame((number + 1) * self.frames_per_step)
+        return positions - before, velocities
+
+    def predict(
+        self, states: list[History], batch: Batch, number: int, phase: Phase
+    ) -> tuple[list[StepErrors], list[tuple[Tensor, Tensor]]]:
+        """One step of the model; all windows go through the network together."""
+        windows = batch.windows
+        seen = join_seen([self.model.observe(s, window.around) for s, window in zip(states, windows, strict=True)])
+        # Around the network alone: a product of positions in bfloat16 would be off by millimetres.
+        with torch.autocast(seen.features.device.type, torch.bfloat16, enabled=self.bf16):
+            joined = self.model.predict(seen)
+        errors, reached = [], []
+        every = joined.split([len(state.positions) for state in states])
+        for window, state, predicted in zip(windows, states, every, strict=True):
+            reached.append(self.model.advance(state, predicted))
+            wanted = self.model.wanted(state, *self.true_step(window, number))
+            with torch.no_grad():
+                near = window.around.distance_and_normal(state.positions)[0] < NEAR_SURFACE
+            error = (predicted - wanted).square().mean(dim=-1)
+            loss = (torch.where(near, NEAR_WEIGHT, 1.0) * error).mean()
+            errors.append(StepErrors(loss, mean_where(error, near), mean_where(error, ~near)))
+        return errors, reached

@@ -1,0 +1,101 @@
+"""The objective of the convolution: its correction to ballistic motion, of velocity and of position."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from surfsup.model.convolution import Graph
+from surfsup.model.simulator import POSITION_SHARE, Correction, Observation, Simulator, join_observations
+from surfsup.model.state import FRAME_TIME, State
+from surfsup.training.config import Phase
+from surfsup.training.objectives.correction_loss import (
+    NEAR_SURFACE,
+    energy_loss,
+    motion_loss,
+    squared_error,
+    wanted_correction,
+)
+from surfsup.training.objectives.objective import Batch, Objective, StepErrors, mean_where
+
+NOISE_DECADES = 2.0  # how many powers of ten smaller than the configured noise a window's may be
+
+
+class CorrectionObjective(Objective):
+    """Motion loss and, in phases that weigh it, the energy of small cells."""
+
+    model: Simulator
+
+    def with_noise(self, state: State, size: float, random: np.random.Generator) -> State:
+        """A state as the model itself would have left it, were the frame before still exact."""
+        return error_of_last_frame(state, size, random)
+
+    def predict(
+        self, states: list[State], batch: Batch, number: int, phase: Phase
+    ) -> tuple[list[StepErrors], list[tuple[Tensor, Tensor]]]:
+        """One frame; all windows go through the network together."""
+        model, windows = self.model, batch.windows
+        seen = [
+            with_fixed_graph(model.observe(state, window.around)) for state, window in zip(states, windows, strict=True)
+        ]
+        corrections = split(model.correct(join_observations(seen)), seen)
+        errors, reached = [], []
+        for window, random, view, correction in zip(windows, batch.randoms, seen, corrections, strict=True):
+            reached.append(model.advance(view, correction))
+            true_positions, true_velocities = window.frame(number + 1)
+            wanted = wanted_correction(view, window.frame(number)[0], true_positions, true_velocities)
+            with torch.no_grad():
+                near = window.around.distance_and_normal(view.ahead)[0] < NEAR_SURFACE
+            loss = motion_loss(correction, wanted, near)
+            if phase.energy > 0:
+                shift = torch.from_numpy(random.uniform(0, 1, 3).astype(np.float32)).to(near.device)
+                size = wanted.velocity.detach().square().sum(dim=-1).mean().sqrt()
+                loss = loss + phase.energy / (1 + size) * energy_loss(
+                    reached[-1][1], true_velocities, true_positions, shift
+                )
+            error = squared_error(correction, wanted)
+            errors.append(StepErrors(loss, mean_where(error, near), mean_where(error, ~near)))
+        return errors, reached
+
+
+def with_fixed_graph(seen: Observation) -> Observation:
+    """The observation with its kernels taken as given.
+
+    Their gradient would be passed back to the frame before, where it says little and costs as much as all
+    the rest.
+    """
+    return replace(seen, graph=Graph(seen.graph.neighbourhood, seen.graph.kernels.detach()))
+
+
+def split(joined: Correction, parts: list[Observation]) -> list[Correction]:
+    """The correction of several scenes side by side, scene by scene."""
+    sizes = [len(part.ahead) for part in parts]
+    pairs = zip(joined.velocity.split(sizes), joined.position.split(sizes), strict=True)
+    return [Correction(*pair) for pair in pairs]
+
+
+def error_of_last_frame(state: State, size: float, random: np.random.Generator) -> State:
+    """The state with noise that looks as if the model had made it in the last frame.
+
+    The errors of place and of velocity go together as the model's do, and show in the last frame's displacement and
+    change of velocity: noise that did not would teach answers that feed back on themselves in a rollout. Its size is
+    drawn anew for every window, from almost nothing up to ``size`` metres, so that a calm state stays calm.
+    """
+    if size == 0:
+        return state
+    own = size * 10 ** random.uniform(-NOISE_DECADES, 0)
+
+    def draw() -> Tensor:
+        return torch.from_numpy(random.normal(0, own, state.positions.shape).astype(np.float32)).to(state.positions)
+
+    in_velocity = draw() / FRAME_TIME
+    in_place = POSITION_SHARE * FRAME_TIME * in_velocity + 0.5 * draw()
+    return State(
+        state.positions + in_place,
+        state.velocities + in_velocity,
+        state.displacement + in_place,
+        state.velocity_change + in_velocity,
+    )

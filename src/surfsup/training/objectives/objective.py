@@ -1,0 +1,123 @@
+"""What a training step minimises: the base of all objectives."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+
+from surfsup.datasets.windows import Window
+from surfsup.model.guard import guard
+from surfsup.model.learned_simulator import FluidState, LearnedSimulator
+
+if TYPE_CHECKING:
+    from surfsup.training.config import Phase
+
+
+class Batch:
+    """The windows of a step, of equal length, and for each a generator of all else that is random about it.
+
+    With a generator to each window it makes no difference which process of several does which. This is no dataclass:
+    Fabric would take one apart to look for tensors.
+    """
+
+    def __init__(self, windows: Sequence[Window], randoms: Sequence[np.random.Generator]) -> None:
+        self.windows, self.randoms = windows, randoms
+
+
+@dataclass(frozen=True)
+class StepErrors:
+    """How far off one predicted step of one window is; all of them scalars.
+
+    Attributes:
+        loss: what is minimised.
+        near: mean squared error of the particles near the surface, NaN where there are none.
+        far: the same of all others.
+    """
+
+    loss: Tensor
+    near: Tensor
+    far: Tensor
+
+
+class Objective(nn.Module, ABC):
+    """The loss of a batch: first steps without gradient (push-forward), then those that count.
+
+    It is a module around the simulator, so that a whole step is one forward pass, as data-parallel training needs.
+
+    Attributes:
+        model: the simulator that is trained.
+        frames_per_step: that a step of it goes.
+    """
+
+    def __init__(self, model: LearnedSimulator, frames_per_step: int = 1) -> None:
+        super().__init__()
+        self.model, self.frames_per_step = model, frames_per_step
+
+    def forward(self, batch: Batch, phase: Phase) -> tuple[Tensor, Tensor]:
+        """The loss, and for each window (B, 3) its loss and its errors near to and far from the surface."""
+        windows = batch.windows
+        steps = windows[0].following // self.frames_per_step
+        states = [
+            self.with_noise(self.model.state_after(*window.up_to_now), phase.noise, random)
+            for window, random in zip(windows, batch.randoms, strict=True)
+        ]
+        with torch.no_grad():
+            for _ in range(steps - phase.unroll):
+                states = [
+                    self.model.step(state, window.around)[0] for state, window in zip(states, windows, strict=True)
+                ]
+        every: list[StepErrors] = []
+        for number in range(steps - phase.unroll, steps):
+            errors, reached = self.predict(states, batch, number, phase)
+            every += errors
+            if number + 1 < steps:
+                states = [after(*given) for given in zip(states, reached, windows, strict=True)]
+        loss = torch.stack([one.loss for one in every]).mean()
+        return loss, report(every, len(windows))
+
+    def prepare(self, examples: Iterable[Window], randoms: Sequence[np.random.Generator], noise: float) -> None:
+        """Take from examples what is not learned by descent; here there is no such thing."""
+
+    @abstractmethod
+    def with_noise(self, state: Any, size: float, random: np.random.Generator) -> Any:
+        """A true state with errors as the model itself would have made, of ``size`` metres at most."""
+
+    @abstractmethod
+    def predict(
+        self, states: list[Any], batch: Batch, number: int, phase: Phase
+    ) -> tuple[list[StepErrors], list[tuple[Tensor, Tensor]]]:
+        """Predict one step of every window.
+
+        Args:
+            states: of every window, before the step.
+            batch: the windows.
+            number: of the step in the window.
+            phase: of training.
+
+        Returns:
+            For every window its errors, and the positions and velocities (N, 3) reached, before the guard.
+        """
+
+
+def after(state: FluidState, reached: tuple[Tensor, Tensor], window: Window) -> FluidState:
+    """The guarded state after a step from ``state`` to the positions and velocities ``reached``."""
+    kept = guard(state.positions, *reached, window.around)
+    return state.moved_to(kept.positions, kept.velocities)
+
+
+def mean_where(values: Tensor, chosen: Tensor) -> Tensor:
+    """The mean of ``values`` (N,) over the ``chosen`` (N,); NaN where none is. It waits for no device."""
+    return torch.where(chosen, values.detach(), 0.0).sum() / chosen.sum()
+
+
+def report(every: Sequence[StepErrors], windows: int) -> Tensor:
+    """(windows, 3): each window's loss, error near to and far from the surface, means over its steps."""
+    with torch.no_grad():
+        rows = torch.stack([torch.stack([one.loss, one.near, one.far]) for one in every]).unflatten(0, (-1, windows))
+        return torch.cat([rows[..., :1].mean(dim=0), rows[..., 1:].nanmean(dim=0)], dim=-1)

@@ -1,0 +1,51 @@
+"""A picture of a rollout above the truth, at a few moments."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from surfsup.model.learned_simulator import LearnedSimulator
+from surfsup.model.state import Surroundings
+from surfsup.pictures import renderer_of
+from surfsup.trajectory import Trajectory
+
+MOMENTS = 3
+SIZE = (480, 360)  # pixels of each picture
+
+
+@torch.no_grad()
+def draw_rollout(model: LearnedSimulator, path: Path, frames: int) -> np.ndarray:
+    """Three moments of what ``model`` makes of a start, and below them the truth, as (height, width, 3) uint8.
+
+    Args:
+        model: the simulator.
+        path: the true trajectory's file.
+        frames: how far; the moments are at a third, two thirds and the end.
+
+    Raises:
+        InputError: this machine cannot draw, or the file is no trajectory.
+    """
+    device = next(model.parameters()).device
+    with Trajectory(path) as truth:
+        frames = min(frames, len(truth))
+        chosen = sorted({round(number * (frames - 1) / MOMENTS) for number in range(1, MOMENTS + 1)})
+        around = Surroundings.of(truth.scene, truth.scene.build_surface(), device)
+        start, velocities = (torch.from_numpy(data[0]).to(device) for data in (truth.positions, truth.velocities))
+        rollout = model.rollout(model.start(start, velocities, around), around, frames)
+        made = {}
+        for number, (state, _) in enumerate(rollout):
+            if not bool(torch.isfinite(state.positions).all()):
+                break
+            if number in chosen:
+                made[number] = state.positions.cpu().numpy()
+        renderer = renderer_of(truth, SIZE)
+        gone = np.empty((0, 3), np.float32)  # a rollout that blew up leaves an empty stage
+        rows = [
+            np.hstack([renderer.image(made.get(number, gone)) for number in chosen]),
+            np.hstack([renderer.image(truth.positions[number]) for number in chosen]),
+        ]
+        renderer.close()
+    return np.vstack(rows)

@@ -1,0 +1,85 @@
+import numpy as np
+import pytest
+import torch
+
+from surfsup.datasets.windows import Windows
+from surfsup.training.batches import EXAMPLES, prepare, read_batch
+from surfsup.training.config import Phase
+from surfsup.training.objectives import Batch
+from surfsup.training.objectives.acceleration import NEAR_SURFACE, NEAR_WEIGHT
+from surfsup.training.run import Run
+from tests.training.conftest import MESSAGE_PASSING, batch_of, fresh, message_passing
+
+QUIET = Phase(until=1, noise=0)
+
+
+@pytest.fixture(params=[1, 2])
+def run(request, tmp_path) -> Run:
+    return Run(message_passing("surfsup", stride=request.param), tmp_path)
+
+
+def test_the_loss_is_the_weighted_squared_error_of_the_normalised_acceleration(run, data):
+    (window, _), model, stride = batch_of(run, data).windows, run.model, run.model.architecture.stride
+    assert (window.past, window.following) == (2 * stride, stride)
+    loss, rows = run.objective(Batch([window], fresh()[:1]), QUIET)
+    # The same from the true frames, written out.
+    places = [window.frame(number)[0] for number in (-stride, 0, stride)]
+    acceleration = places[2] - 2 * places[1] + places[0]
+    wanted = (acceleration - model.accelerations.mean) / model.accelerations.spread
+    error = (model.predict(model.observe(model.state_after(*window.up_to_now), window.around)) - wanted).square()
+    near = window.around.distance_and_normal(places[1])[0] < NEAR_SURFACE
+    assert 0 < near.sum() < len(near)
+    weight = torch.where(near, NEAR_WEIGHT, 1.0)
+    torch.testing.assert_close(loss, (weight * error.mean(dim=1)).mean())
+    torch.testing.assert_close(rows[0], torch.stack([loss, error[near].mean(), error[~near].mean()]))
+
+
+@pytest.mark.parametrize("kind", MESSAGE_PASSING)
+def test_every_window_of_a_batch_counts(kind, tmp_path, data):
+    run = Run(message_passing(kind), tmp_path)
+    windows = batch_of(run, data).windows
+    together, rows = run.objective(Batch(windows, fresh()), QUIET)
+    apart = [run.objective(Batch([window], fresh()[:1]), QUIET)[1] for window in windows]
+    torch.testing.assert_close(rows, torch.cat(apart), equal_nan=True, rtol=1e-4, atol=1e-5)
+    torch.testing.assert_close(rows[:, 0].mean(), together)
+
+
+def test_noise_strays_by_what_is_asked_for_and_follows_from_the_generator(run, data):
+    state = run.model.state_after(*batch_of(run, data).windows[0].up_to_now)
+    assert run.objective.with_noise(state, 0.0, fresh()[0]) is state
+    one, same, other = (run.objective.with_noise(state, 1e-3, fresh()[number]) for number in (0, 0, 1))
+    assert torch.equal(one.moves, same.moves)
+    assert not torch.equal(one.moves, other.moves)
+    assert 7e-4 < float((one.moves - state.moves)[:, 0].std()) < 1.4e-3
+
+
+def test_unrolled_steps_pass_a_gradient_to_every_weight(run, data):
+    batch = read_batch(Windows(data), run, 7)  # of the last phase
+    assert batch.windows[0].following >= 2 * run.objective.frames_per_step
+    loss, _ = run.objective(batch, run.config.phase(7))
+    loss.backward()
+    assert all(parameter.grad is not None and parameter.grad.isfinite().all() for parameter in run.model.parameters())
+
+
+def test_preparing_measures_what_the_network_sees(run, data):
+    prepare(Windows(data), run)
+    windows, stride, normalised = Windows(data), run.objective.frames_per_step, []
+    for number in range(EXAMPLES):
+        random = np.random.default_rng([run.config.seed, run.config.steps, number])
+        window = windows.draw(random, run.model.past, stride)
+        state = run.objective.with_noise(run.model.state_after(*window.up_to_now), run.config.phase(0).noise, random)
+        normalised.append(run.model.wanted(state, *run.objective.true_step(window, 0)))
+    every = torch.cat(normalised)
+    torch.testing.assert_close(every.mean(dim=0), torch.zeros(3), atol=1e-3, rtol=0)
+    torch.testing.assert_close(every.std(dim=0), torch.ones(3), atol=1e-3, rtol=0)
+    assert torch.equal(run.average.accelerations.spread, run.model.accelerations.spread)
+
+
+def test_bf16_is_for_the_network_alone(tmp_path, data):
+    run = Run(message_passing("surfsup", width=32), tmp_path / "32")
+    rounded = Run(message_passing("surfsup", width=32, precision="bf16"), tmp_path / "bf16")
+    batch = batch_of(run, data).windows
+    (exact, _), (close, _) = (one.objective(Batch(batch, fresh()), QUIET) for one in (run, rounded))
+    assert close.dtype == torch.float32
+    assert exact != close
+    torch.testing.assert_close(close, exact, rtol=0.02, atol=0)

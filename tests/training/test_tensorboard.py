@@ -1,0 +1,60 @@
+import numpy as np
+import pytest
+from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
+
+from surfsup.datasets.windows import Windows
+from surfsup.training import tensorboard as module
+from surfsup.training.tensorboard import TensorBoard, log_of
+from surfsup.training.train import Run, train
+from surfsup.viewing.graphics import missing_packages
+from tests.training.conftest import Stop, config, stop_at
+
+
+def written(run: Run) -> EventAccumulator:
+    events = EventAccumulator(str(run.folder / "tensorboard"))
+    events.Reload()
+    return events
+
+
+def steps(events: EventAccumulator, name: str) -> list[int]:
+    return [event.step for event in events.Scalars(name)]
+
+
+def test_the_course_of_a_run_is_written_and_written_over_on_resuming(tmp_path, data, monkeypatch):
+    monkeypatch.setattr(module, "STEPS_A_POINT", 2)
+    run = Run(config(), tmp_path)
+    with pytest.raises(Stop), TensorBoard(run, None) as log:
+        train(run, Windows(data), data, report=stop_at(6), log=log)
+    resumed = Run(config(), tmp_path)
+    resumed.resume()
+    with TensorBoard(resumed, None) as log:
+        train(resumed, Windows(data), data, log=log)
+    events = written(run)
+    for name in (
+        "loss", "loss by solid/sphere", "error/near the surface", "error/far from the surface", "gradient norm",
+        "learning rate", "steps a second",
+    ):  # fmt: skip
+        assert steps(events, name) == [2, 4, 6, 8]
+        assert np.isfinite([event.value for event in events.Scalars(name)]).all()
+    assert steps(events, "rollout/chamfer") == [4, 8]
+    assert not events.Tags()["images"]
+
+
+@pytest.mark.skipif(bool(missing_packages()), reason="this machine cannot draw")
+def test_a_rollout_is_drawn_where_this_machine_can(tmp_path, data):
+    run = Run(config(steps=1, phases=[{"until": 1}]), tmp_path)
+    with log_of(run, data) as log:
+        train(run, Windows(data), data, log=log)
+    (picture,) = written(run).Images("rollout (below: the truth)")
+    assert (picture.step, picture.width, picture.height) == (1, 3 * 480, 2 * 360)
+
+
+def test_without_graphics_one_line_says_so(tmp_path, data, monkeypatch):
+    def refuse():
+        raise module.InputError("pictures need libegl1")
+
+    monkeypatch.setattr(module, "require_graphics", refuse)
+    run = Run(config(steps=1), tmp_path)
+    with pytest.warns(UserWarning, match="no pictures of rollouts: pictures need libegl1"), log_of(run, data) as log:
+        train(run, Windows(data), data, log=log)
+    assert steps(written(run), "rollout/chamfer") == [1]
