@@ -96,13 +96,18 @@ def shown(values: Values | None, metric: Metric) -> str:
     if value is None:
         return NOTHING
     places = metric.places if metric.places or value == int(value) else 1
-    return f"{value:.{places}f}"
+    return fitting(f"{value:.{places}f}", value, COLUMN)
 
 
 def shown_ratio(ratios_: Values | None, metric: Metric) -> str:
     """A ratio to the floor."""
     value = None if ratios_ is None else ratios_[metric.key]
-    return NOTHING if value is None else f"{value:.2f}" if value < 100 else f"{value:.0f}"
+    return NOTHING if value is None else fitting(f"{value:.2f}" if value < 100 else f"{value:.0f}", value, RATIO)
+
+
+def fitting(text: str, value: float, width: int) -> str:
+    """``text``, or where a column is too narrow for it, as after a rollout that blew up, the value's power of ten."""
+    return text if len(text) < width else f"{value:.0e}".replace("e+", "e")
 
 
 def value_with_floor(metric: Metric, own: Values | None, floor: Values | None) -> str:
