@@ -87,9 +87,10 @@ def test_particles_that_get_lost_are_counted_and_the_others_still_compared(truth
     positions[3, 0] = np.nan
     positions[4, :2] = [0.0, 0.9, 1.0]  # through the wall
     velocities[5, 0] = np.inf
+    velocities[6, 0, 2] = -31.0
     with Trajectory(write(tmp_path / "a" / "lossy.h5", positions, velocities)) as lossy:
         (found,) = compare(truth, [lossy])
-    assert found.own.lost.tolist() == [0, 0, 0, 1, 2, 1] + [0] * (FRAMES - 6)
+    assert found.own.lost.tolist() == [0, 0, 0, 1, 2, 1, 1] + [0] * (FRAMES - 7)
     # All but the lost one lie where they should; the truth's lost one has a neighbour at one spacing.
     assert found.chamfer[3] == pytest.approx(0.03 / positions.shape[1], rel=1e-3)
     assert found.chamfer[4] == pytest.approx(chamfer(positions[4], free_fall()[0][4]).plain)

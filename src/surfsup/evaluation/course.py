@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from surfsup.datasets.check import FASTEST
 from surfsup.evaluation.metrics import centre_height, inside_container, kinetic_energy
 from surfsup.evaluation.near_surface import NearSurface
 from surfsup.sdf import Surface
@@ -22,7 +23,7 @@ class Course:
         inside: particles in the solid.
         depth: sum of the (negative) distances of those, metres.
         near: particles nearer to the solid than the threshold.
-        lost: particles out of the container or no longer numbers.
+        lost: particles out of the container, no longer numbers, or faster than any simulation can follow.
         density: highest, over that of the lattice at rest; NaN in frames where it was not taken.
     """
 
@@ -45,7 +46,7 @@ class Frame:
     """What of a frame is compared.
 
     Attributes:
-        positions: (N, 3) of those particles that are finite numbers, metres.
+        positions: (N, 3) of those particles that are finite and no faster than FASTEST, metres.
         near: (N,) which of these are near the surface.
     """
 
@@ -81,10 +82,11 @@ class Observer:
         course.inside[number] = len(contact.depths)
         course.depth[number] = contact.depths.sum()
         course.near[number] = contact.near.sum()
-        there = inside_container(positions, self.lower, self.upper) & np.isfinite(velocities).all(axis=1)
+        # A comparison with NaN is false, so what is no number is not sane either.
+        sane = np.isfinite(positions).all(axis=1) & (np.square(velocities).sum(axis=1) <= FASTEST**2)
+        there = inside_container(positions, self.lower, self.upper) & sane
         course.lost[number] = len(positions) - there.sum()
-        finite = np.isfinite(positions).all(axis=1) & np.isfinite(velocities).all(axis=1)
-        if finite.any():
-            course.height[number] = centre_height(positions[finite])
-            course.energy[number] = kinetic_energy(velocities[finite])
-        return Frame(positions[finite], contact.near[finite])
+        if sane.any():
+            course.height[number] = centre_height(positions[sane])
+            course.energy[number] = kinetic_energy(velocities[sane])
+        return Frame(positions[sane], contact.near[sane])

@@ -175,7 +175,7 @@ METRICS = (
         "particles lost",
         "",
         0,
-        "particles out of the container or no longer numbers, summed over frames; should be 0",
+        "particles out of the container, no longer numbers or past 30 m/s, summed over frames; should be 0",
         lambda of, window: of.own.lost[window].sum(),
     ),
 )
