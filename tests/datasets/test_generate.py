@@ -1,8 +1,11 @@
 import os
+import re
 import signal
 import subprocess
 import sys
 import time
+from dataclasses import dataclass
+from pathlib import Path
 
 import pytest
 import yaml
@@ -158,45 +161,65 @@ def start_dask(role: str, *options: str) -> subprocess.Popen:
     return subprocess.Popen(command, stderr=subprocess.DEVNULL)
 
 
+@dataclass
+class Cluster:
+    """A real scheduler, and workers that can be killed."""
+
+    address: str
+    folder: Path
+    workers: list[subprocess.Popen]
+
+    def add_worker(self) -> None:
+        own = ["--no-nanny", "--nthreads", "1", "--local-directory", str(self.folder)]
+        self.workers.append(start_dask("worker", self.address, *own))
+
+
 @pytest.fixture
-def scheduler(tmp_path_factory):
-    """The address of a scheduler, and its two workers."""
+def cluster(tmp_path_factory):
+    from distributed import Client
+
     folder = tmp_path_factory.mktemp("dask")
     told = folder / "scheduler.json"
-    running = [start_dask("scheduler", "--host", "127.0.0.1", "--port", "0", "--scheduler-file", str(told))]
+    scheduler = start_dask("scheduler", "--host", "127.0.0.1", "--port", "0", "--scheduler-file", str(told))
+    workers = []
     try:
-        deadline = time.monotonic() + 30
+        deadline = time.monotonic() + 60
         while not told.exists() and time.monotonic() < deadline:
             time.sleep(0.05)
-        address = yaml.safe_load(told.read_text())["address"]
-        own = ["--no-nanny", "--nthreads", "1", "--local-directory", str(folder)]
-        running += [start_dask("worker", address, *own) for _ in range(2)]
-        from distributed import Client
-
-        with Client(address) as client:
-            client.wait_for_workers(2, timeout=30)
-        yield address, running[1:]
+        running = Cluster(yaml.safe_load(told.read_text())["address"], folder, workers)
+        running.add_worker()
+        running.add_worker()
+        with Client(running.address) as client:
+            client.wait_for_workers(2, timeout=60)
+        yield running
     finally:
-        for process in reversed(running):
+        for process in (*workers, scheduler):
             process.kill()
             process.wait()
 
 
 @needs_solver
-def test_a_worker_of_a_real_cluster_is_killed_and_another_does_its_work(tmp_path, undisturbed, scheduler):
-    address, workers = scheduler
-    running = surfsup_generate(tmp_path / "data", "--scheduler", address)
-    while running.poll() is None and len(list((tmp_path / "data").glob(".*.partial"))) < 2:
+def test_workers_of_a_real_cluster_are_killed_and_others_do_their_work(tmp_path, undisturbed, cluster):
+    data = tmp_path / "data"
+    running = surfsup_generate(data, "--scheduler", cluster.address)
+
+    def at_work() -> int:
+        return len(list(data.glob(".*.partial")))
+
+    while running.poll() is None and at_work() < 2:
         time.sleep(0.01)
-    workers[0].kill()
+    cluster.workers[0].kill()
+    lost = r"surfsup: warning: worker tcp://127.0.0.1:\d+ was lost, others do its work; "
+    assert re.match(lost + "1 left$", running.stderr.readline())
+    while running.poll() is None and not list(data.glob("*.h5")):
+        time.sleep(0.01)
+    cluster.workers[1].kill()
+    assert re.match(lost + "none left, waiting for new ones$", running.stderr.readline())
+    cluster.add_worker()
     _, said = running.communicate()
     assert running.returncode == 0, said
-    warning, *progress = said.strip().splitlines()
-    assert warning.startswith("surfsup: warning: worker tcp://127.0.0.1:")
-    assert warning.endswith("was lost, others do its work; 1 left")
-    assert [line.startswith("simulating 4 scenes") for line in progress] == [True]
-    made = {path.name: path.read_bytes() for path in (tmp_path / "data").iterdir() if path.name != ".lock"}
-    assert made == undisturbed
+    assert [line.startswith("simulating 4 scenes") for line in said.splitlines()] == [True]
+    assert {path.name: path.read_bytes() for path in data.iterdir() if path.name != ".lock"} == undisturbed
 
 
 def test_a_second_run_on_the_same_folder_is_refused(tmp_path):

@@ -24,3 +24,11 @@ def test_at_the_end_nothing_is_left_and_without_workers_nobody_knows():
     pace.step(5.0, slots=0)
     pace.step(5.0, slots=2)
     assert [left for *_, left in told] == [None, None, 0.0]
+
+
+def test_what_nobody_timed_counts_but_says_nothing_of_the_speed():
+    told = []
+    pace = Pace(0, 3, lambda *now: told.append(now))
+    pace.step(None, slots=1)
+    pace.step(10.0, slots=1)
+    assert told == [(0, 3, None), (1, 3, None), (2, 3, pytest.approx(10))]

@@ -62,7 +62,7 @@ def floor(
         doers.require(home, token)
         pace = Pace(len(runs) - len(missing), len(runs), progress)
         for job in doers.finished([doers.submit(run_again, path.resolve(), axis) for path, axis in missing]):
-            pace.step(doers.outcome(job), doers.slots)
+            pace.step(job.result(), doers.slots)
     made = [path_of(home, *run) for run in runs]
     for path in made:
         if not path.exists():
@@ -135,14 +135,16 @@ def moved_start(start: Start, axis: int) -> Start:
     return Start([(block + shift).astype(np.float32) for block in start.blocks], start.velocities, start.left_out)
 
 
-def run_again(original: Path, axis: int) -> float:
+def run_again(original: Path, axis: int) -> float | None:
     """Simulate the scene of ``original`` moved along ``axis`` into its file, or say beside it why that failed.
 
     Returns:
-        The seconds that it took.
+        The seconds that it took; None if it was there already, made by a worker that was lost before it could say so.
     """
     began = time.monotonic()
     target = path_of(original.parent / FOLDER, original, axis)
+    if target.exists():
+        return None
     with Trajectory(original) as truth:
         scene, surface = moved_scene(truth, axis), truth.scene.build_surface()
         start = moved_start(truth.scene.start(surface), axis)

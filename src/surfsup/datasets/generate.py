@@ -69,7 +69,7 @@ def generate(
         failures = []
         for job in doers.finished(jobs):
             try:
-                pace.step(doers.outcome(job), doers.slots)
+                pace.step(job.result(), doers.slots)
             except SimulationError as error:
                 failures.append(error)
         dataset_file.describe(folder, identity, list(scenes_in(folder, drawing).values()))
@@ -102,8 +102,14 @@ def scenes_in(folder: Path, drawing: Drawing) -> dict[int, Made]:
     return there
 
 
-def make_scene(drawing: Drawing, index: int) -> float:
-    """Simulate scene ``index`` into its file, which appears only when it is whole and sound; returns the seconds."""
+def make_scene(drawing: Drawing, index: int) -> float | None:
+    """Simulate scene ``index`` into its file, which appears only when it is whole and sound.
+
+    Returns:
+        The seconds that it took; None if it was there already, made by a worker that was lost before it could say so.
+    """
+    if path_of(drawing.folder, index).exists():
+        return None
     began = time.monotonic()
 
     def write(run: Run) -> None:

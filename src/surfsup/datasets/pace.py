@@ -19,20 +19,21 @@ class Pace:
         if tell is not None:
             tell(done, count, None)
 
-    def step(self, seconds: float, slots: int) -> None:
-        """One more is done, which took so many seconds; ``slots`` run side by side."""
+    def step(self, seconds: float | None, slots: int) -> None:
+        """One more is done, which took so many seconds, None where that is not known; ``slots`` run side by side."""
         self._done += 1
-        self._ended += 1
-        self._seconds += seconds
+        if seconds is not None:
+            self._ended += 1
+            self._seconds += seconds
         if self._tell is not None:
             self._tell(self._done, self._count, self.seconds_left(slots))
 
     def seconds_left(self, slots: int) -> float | None:
-        """Until the last will have ended; None where nobody works.
+        """Until the last will have ended; None where nobody works or none has ended.
 
         Those now running are on the average half done.
         """
-        if slots == 0:
+        if slots == 0 or self._ended == 0:
             return None
         left = self._count - self._done
         running = min(left, slots - 1)

@@ -5,22 +5,19 @@ from __future__ import annotations
 import os
 import queue
 from collections.abc import Iterator
+from concurrent.futures import Future
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from surfsup.datasets.drawing import Drawing
 from surfsup.datasets.folder import LOCK, locked
 from surfsup.datasets.simulation import Run, simulate_sound
-from surfsup.datasets.work import LOOK_EVERY, Crew, crew, while_wanted
+from surfsup.datasets.work import Crew, crew, while_wanted
 from surfsup.errors import InputError
 from surfsup.scene import Scene
-
-if TYPE_CHECKING:
-    from distributed import Future
 
 SURFACES = 100  # of a recipe that keeps its surfaces in files; the scenes take turns with them
 
@@ -60,17 +57,14 @@ class Stream:
     def __init__(self, drawing: Drawing, doers: Crew, ahead: int) -> None:
         """Start the first ``ahead`` simulations."""
         self._drawing, self._doers = drawing, doers
-        self._done: queue.SimpleQueue[Future] = queue.SimpleQueue()
-        self._under_way: set[Future] = set()
+        self._done: queue.SimpleQueue[Future[Simulated]] = queue.SimpleQueue()
         self._index = 0
         for _ in range(ahead):
             self._start_next()
 
     def _start_next(self) -> None:
-        future = self._doers.submit(simulate_in_memory, self._drawing, self._index)
+        self._doers.submit(simulate_in_memory, self._drawing, self._index).add_done_callback(self._done.put)
         self._index += 1
-        self._under_way.add(future)
-        future.add_done_callback(self._done.put)
 
     def __iter__(self) -> Iterator[Simulated]:
         """Itself."""
@@ -82,10 +76,7 @@ class Stream:
         Raises:
             SimulationError: no sound scene could be found for an index, or the scheduler was lost.
         """
-        while True:
-            with suppress(queue.Empty):
-                return self._take(self._done.get(timeout=LOOK_EVERY))
-            self._doers.look_for_losses()
+        return self._take(self._doers.next_of(self._done))
 
     def ready(self) -> list[Simulated]:
         """All simulations that are done; waits for none.
@@ -99,9 +90,8 @@ class Stream:
                 simulations.append(self._take(self._done.get_nowait()))
         return simulations
 
-    def _take(self, future: Future) -> Simulated:
-        self._under_way.remove(future)
-        simulated = self._doers.outcome(future)
+    def _take(self, done: Future[Simulated]) -> Simulated:
+        simulated = done.result()
         self._start_next()
         return simulated
 

@@ -8,6 +8,7 @@ import queue
 import uuid
 import warnings
 from collections.abc import Callable, Generator, Iterator, Sequence
+from concurrent.futures import CancelledError, Future
 from contextlib import closing, contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -18,7 +19,7 @@ from surfsup.errors import InputError, SimulationError
 from surfsup.reference import solver
 
 if TYPE_CHECKING:
-    from distributed import Client, Future
+    from distributed import Client
 
 WORKERS = 2  # by default
 PATIENCE = 4.0  # seconds that a scheduler may take to answer
@@ -69,41 +70,58 @@ class Crew:
             if complaint is not None:
                 raise InputError(complaint if self._scheduler is None else f"worker {worker}: {complaint}")
 
-    def submit(self, job: Callable[..., Any], *arguments: object) -> Future:
-        """Have ``job(*arguments)`` done by some worker."""
-        # A key of its own for each: what a run that was killed left with the scheduler is not taken for ours.
-        return self._client.submit(job, *arguments, key=f"{job.__name__}-{uuid.uuid4().hex}", pure=False)
+    def submit(self, job: Callable[..., T], *arguments: object) -> Future[T]:
+        """Have ``job(*arguments)`` done by some worker.
 
-    def finished(self, waiting: Sequence[Future]) -> Iterator[Future]:
+        Besides what the job raises, the future raises SimulationError when the scheduler was lost, or the job took down
+        every worker that it was given to.
+        """
+        # A key of its own for each: what a run that was killed left with the scheduler is not taken for ours.
+        key = f"{job.__name__}-{uuid.uuid4().hex}"
+        remote = self._client.submit(job, *arguments, key=key, pure=False)
+        promise: Future[T] = Future()
+
+        def settle(done: Any) -> None:
+            # Not by whoever waits for it: a result may be lost with its worker before it is here, and is then made
+            # once more, which takes as long as there are no workers.
+            try:
+                promise.set_result(self._outcome(done))
+            except BaseException as error:
+                promise.set_exception(error)
+
+        remote.add_done_callback(settle)
+        return promise
+
+    def finished(self, waiting: Sequence[Future[T]]) -> Iterator[Future[T]]:
         """Yield each of ``waiting`` as it gets done, in whatever order.
 
         Raises:
             SimulationError: the scheduler was lost.
         """
-        done: queue.SimpleQueue[Future] = queue.SimpleQueue()
+        done: queue.SimpleQueue[Future[T]] = queue.SimpleQueue()
         for future in waiting:
             future.add_done_callback(done.put)
         for _ in waiting:
-            future = None
-            while future is None:
-                with suppress(queue.Empty):
-                    future = done.get(timeout=LOOK_EVERY)
-                self.look_for_losses()
-            yield future
+            yield self.next_of(done)
 
-    def outcome(self, future: Future) -> Any:
-        """The result of a future that is done.
+    def next_of(self, done: queue.SimpleQueue[T]) -> T:
+        """What is put into ``done`` next; meanwhile workers that get lost are told of.
 
         Raises:
-            SimulationError: the scheduler was lost, or the job took down every worker it was given to.
-            Exception: what the job raised.
+            SimulationError: the scheduler was lost.
         """
+        while True:
+            self.look_for_losses()
+            with suppress(queue.Empty):
+                return done.get(timeout=LOOK_EVERY)
+
+    def _outcome(self, remote: Any) -> Any:
         from distributed.scheduler import KilledWorker
 
-        if future.cancelled():
-            raise self._lost()
         try:
-            return future.result()
+            return remote.result()
+        except CancelledError:
+            raise self._lost() from None
         except KilledWorker as error:
             raise SimulationError(
                 f"{error.allowed_failures + 1} workers were lost one after the other at the same scene; have they "
