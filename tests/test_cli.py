@@ -12,6 +12,9 @@ import numpy as np
 import pytest
 import trimesh
 
+from surfsup.model import weights
+from surfsup.model.seen import Seen
+from surfsup.scene import Scene
 from surfsup.trajectory import Trajectory
 from tests.evaluation.scenes import free_fall, write
 
@@ -128,6 +131,22 @@ def test_a_mistake_gets_one_line_and_status_2_and_leaves_nothing(arguments, comp
     assert complaint in done.stderr
     assert len(done.stderr.strip().splitlines()) == 1
     assert sorted(os.listdir(tmp_path)) == before
+
+
+def test_a_scene_unlike_those_of_training_is_warned_of(scene, tmp_path):
+    simulator, card = weights.load(weights.find(weights.DEFAULT_MODEL))
+    seen = Seen.of(Scene.load(scene), 1000, 5.0)
+    model = tmp_path / "model.safetensors"
+    weights.save(model, simulator, weights.Card(card.name, card.about, seen))
+    wide = tmp_path / "wide.yaml"
+    wide.write_text(SCENE + "container: {size: [3, 1, 2]}")
+    for source, told in ((scene, 0), (wide, 1)):
+        done = surfsup(
+            "simulate", source, "--model", model, "-o", tmp_path / "out", "--frames", 2, "--no-page", "--no-video"
+        )
+        assert done.returncode == 0, done.stderr
+        assert done.stderr.count("not trained for a container of 3 x 1 x 2 m") == told
+        assert done.stderr.count("warning") == told
 
 
 def test_an_interrupt_leaves_a_readable_trajectory_and_status_130(scene, tmp_path):

@@ -9,6 +9,8 @@ from datetime import timedelta
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from rich.progress import ProgressColumn
+
     from surfsup.training.train import Progress
 
 
@@ -38,19 +40,8 @@ def paced_bar(what: str) -> Iterator[Callable[[int, int, float | None], None]]:
     """A progress bar whose teller knows the seconds left; they count down until it is told again."""
     from rich import progress as rich
     from rich.console import Console
-    from rich.text import Text
 
-    class TimeLeft(rich.ProgressColumn):
-        """The time left as it was told last, less the time since."""
-
-        def render(self, task: rich.Task) -> Text:
-            left = task.fields["left"]
-            if left is None:
-                return Text("", style="progress.remaining")
-            seconds = max(0, round(left - (time.monotonic() - task.fields["told"])))
-            return Text(f"{timedelta(seconds=seconds)} left", style="progress.remaining")
-
-    columns = (rich.BarColumn(), rich.MofNCompleteColumn(), rich.TimeElapsedColumn(), TimeLeft())
+    columns = (rich.BarColumn(), rich.MofNCompleteColumn(), rich.TimeElapsedColumn(), time_left())
     progress = rich.Progress(rich.TextColumn("{task.description}"), *columns, console=Console(stderr=True))
 
     def tell(done: int, total: int, seconds_left: float | None) -> None:
@@ -66,20 +57,40 @@ def paced_bar(what: str) -> Iterator[Callable[[int, int, float | None], None]]:
         progress.stop()
 
 
+def time_left() -> ProgressColumn:
+    """A column of a bar: the seconds left as its task was told last, less those since."""
+    from rich import progress as rich
+    from rich.text import Text
+
+    class TimeLeft(rich.ProgressColumn):
+        """Renders the task's fields ``left`` and ``told``."""
+
+        def render(self, task: rich.Task) -> Text:
+            left = task.fields["left"]
+            if left is None:
+                return Text("", style="progress.remaining")
+            seconds = max(0, round(left - (time.monotonic() - task.fields["told"])))
+            return Text(f"{timedelta(seconds=seconds)} left", style="progress.remaining")
+
+    return TimeLeft()
+
+
 @contextmanager
 def training_line() -> Iterator[Callable[[Progress], None]]:
     """A live line of a training run; the scores of rollouts stay on the screen."""
     from rich import progress as rich
     from rich.console import Console
 
-    columns = (rich.BarColumn(), rich.MofNCompleteColumn(), rich.TimeElapsedColumn(), rich.TimeRemainingColumn())
+    columns = (rich.BarColumn(), rich.MofNCompleteColumn(), rich.TimeElapsedColumn(), time_left())
     line = rich.Progress(rich.TextColumn("loss {task.fields[loss]:.4f}"), *columns, console=Console(stderr=True))
 
     def tell(now: Progress) -> None:
         if not line.task_ids:
-            line.add_task("", loss=now.loss)
+            line.add_task("", loss=now.loss, left=None, told=0.0)
             line.start()
-        line.update(line.task_ids[0], completed=now.step, total=now.steps, loss=now.loss)
+        told = time.monotonic()
+        fields = {"loss": now.loss, "left": now.seconds_left, "told": told}
+        line.update(line.task_ids[0], completed=now.step, total=now.steps, **fields)
         if now.scores is not None:
             line.console.print(f"step {now.step}: {now.scores}", highlight=False)
 
