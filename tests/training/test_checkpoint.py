@@ -33,6 +33,8 @@ def test_one_that_is_cut_off_is_named_and_the_one_before_it_taken(files, share):
     with pytest.warns(UserWarning, match=r"checkpoint\.safetensors: is cut off .*going on .*, at step 1") as told:
         assert files.load().counters == {"step": 1}
     assert all("\n" not in str(one.message) for one in told)
+    files.save(checkpoint(3))
+    assert (files.load().counters, module.read(files.before).counters) == ({"step": 3}, {"step": 1})
 
 
 def test_a_kill_between_writing_and_naming_leaves_the_one_before(files):

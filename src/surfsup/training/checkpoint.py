@@ -37,6 +37,7 @@ class CheckpointFiles:
     def __init__(self, folder: Path) -> None:
         self.last = folder / "checkpoint.safetensors"
         self.before = folder / "checkpoint-before.safetensors"
+        self._last_is_whole = True
 
     def exist(self) -> bool:
         """Whether there is one to go on from."""
@@ -54,9 +55,10 @@ class CheckpointFiles:
             save_file({name: value.contiguous() for name, value in checkpoint.tensors.items()}, partial, header)
             with partial.open("rb") as written:
                 os.fsync(written.fileno())
-            if self.last.exists():
+            if self._last_is_whole and self.last.exists():
                 self.last.replace(self.before)
             partial.replace(self.last)
+            self._last_is_whole = True
         except (OSError, SafetensorError) as error:
             raise InputError(f"{self.last}: cannot be written ({error})") from None
 
@@ -74,6 +76,7 @@ class CheckpointFiles:
             if not self.before.exists():
                 raise
             checkpoint = read(self.before)
+            self._last_is_whole = False  # it must not take the other's place
             step = checkpoint.counters.get("step")
             warnings.warn(f"{error}; going on from the one before it, at step {step}", stacklevel=2)
             return checkpoint
