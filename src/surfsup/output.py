@@ -14,7 +14,7 @@ import torch
 
 from surfsup import __version__
 from surfsup.errors import InputError
-from surfsup.scene import Scene, Start
+from surfsup.scene import Container, Scene, Start
 from surfsup.sdf import Surface
 from surfsup.trajectory import Provenance, TrajectoryWriter
 
@@ -88,12 +88,11 @@ class OutputFolder:
 
         An interrupt leaves a readable trajectory of the frames done and their summary, and goes on to the caller.
         """
-        particles = len(start.positions)
-        began, simulating, done, inside, outside = time.perf_counter(), 0.0, 0, 0, 0
-        lower, upper = np.float32(scene.container.lower), np.float32(scene.container.upper)
+        began, simulating, done = time.perf_counter(), 0.0, 0
+        strays: list[tuple[int, int]] = []
         source = iter(frames)
         try:
-            with TrajectoryWriter(self.trajectory, scene, provenance, particles) as writer:
+            with TrajectoryWriter(self.trajectory, scene, provenance, len(start.positions)) as writer:
                 while True:
                     before = time.perf_counter()
                     frame = next(source, None)
@@ -101,17 +100,15 @@ class OutputFolder:
                     simulating += time.perf_counter() - before if done > 1 else 0.0
                     if frame is None:
                         break
-                    positions, velocities = frame
-                    writer.append(positions, velocities)
-                    outside += int(((positions < lower) | (positions > upper)).any(axis=-1).sum())
-                    if surface is not None:
-                        with torch.no_grad():
-                            inside += int((surface.distance(torch.from_numpy(positions)) < 0).sum())
-                    done += 1
+                    strays.append(count_strays(scene.container, surface, frame[0]))
+                    writer.append(*frame)
+                    done = writer.frames
                     tell(done, scene.frames)
         finally:
+            done = writer.frames  # an interrupt may have come before it was told
+            inside, outside = (sum(counts) for counts in zip((0, 0), *strays[:done], strict=True))
             summary = Summary(
-                particles=particles,
+                particles=len(start.positions),
                 frames=done,
                 seconds=round(time.perf_counter() - began, 2),
                 ms_per_frame=round(1000 * simulating / max(1, done - 2), 3),
@@ -123,6 +120,16 @@ class OutputFolder:
             if done:
                 self.summary.write_text(json.dumps(asdict(summary), indent=2) + "\n")
         return summary
+
+
+def count_strays(container: Container, surface: Surface | None, positions: np.ndarray) -> tuple[int, int]:
+    """How many of ``positions`` (N, 3) are inside the surface, and how many outside the container."""
+    lower, upper = np.float32(container.lower), np.float32(container.upper)
+    outside = int(((positions < lower) | (positions > upper)).any(axis=-1).sum())
+    if surface is None:
+        return 0, outside
+    with torch.no_grad():
+        return int((surface.distance(torch.from_numpy(positions)) < 0).sum()), outside
 
 
 def check_room(path: Path, particles: int, frames: int) -> None:

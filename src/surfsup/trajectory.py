@@ -157,6 +157,11 @@ class TrajectoryWriter:
         self._written = 0
         self._waiting: list[np.ndarray] = []
 
+    @property
+    def frames(self) -> int:
+        """How many there are, those that wait to be written among them."""
+        return self._written + len(self._waiting)
+
     def note(self, topic: str, values: Mapping[str, object]) -> None:
         """Keep ``values`` (numbers, texts, arrays) in the file as attributes of a group named ``topic``."""
         self._file.create_group(topic).attrs.update(values)
@@ -198,8 +203,8 @@ class TrajectoryWriter:
             raise InputError(f"{self._path}: cannot be written ({one_line(error)})") from None
         # A chunk that is not full yet is written again with the frames that are to come.
         whole = len(self._waiting) - len(self._waiting) % FRAMES_PER_CHUNK
-        self._written += whole
-        del self._waiting[:whole]
+        # Both at once, for an interrupt that comes between them would have frames counted twice.
+        self._written, self._waiting = self._written + whole, self._waiting[whole:]
 
     def _check_room(self, needed: int) -> None:
         try:

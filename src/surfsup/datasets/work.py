@@ -78,7 +78,7 @@ class Crew:
         """
         # A key of its own for each: what a run that was killed left with the scheduler is not taken for ours.
         key = f"{job.__name__}-{uuid.uuid4().hex}"
-        remote = self._client.submit(job, *arguments, key=key, pure=False)
+        remote = self._client.submit(on_one_core, job, *arguments, key=key, pure=False)
         promise: Future[T] = Future()
 
         def settle(done: Any) -> None:
@@ -150,6 +150,18 @@ class Crew:
         return SimulationError(
             f"the scheduler at {self._scheduler} was lost; what was finished is kept, the same command goes on"
         )
+
+
+def on_one_core(job: Callable[..., T], *arguments: object) -> T:
+    """Do ``job(*arguments)`` in this thread without help from others.
+
+    Many jobs run side by side. The other threads of a parallel loop of torch, when they have done their part, spin for a
+    while in wait of the next, and took more of the cores that way than all the work had in it.
+    """
+    import torch
+
+    torch.set_num_threads(1)  # of this thread, and of those that begin after it
+    return job(*arguments)
 
 
 class AbandonedError(Exception):

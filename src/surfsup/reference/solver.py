@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import fcntl
 import os
 import shutil
 import subprocess
@@ -21,6 +22,7 @@ from surfsup.scene import Scene, Start
 from surfsup.sdf import Surface
 
 NAME = "SPlisHSPlasH 2.19 DFSPH"
+FRAMES_AHEAD = 1 << 20  # bytes of frames that the solver may be ahead of whoever takes them
 INPUT_ERROR = f"{InputError.__module__}.{InputError.__name__}: "  # as it ends a traceback
 
 
@@ -85,6 +87,7 @@ def run_child(
     ]
     environment = {**os.environ, "OMP_NUM_THREADS": str(threads), "OMP_WAIT_POLICY": "passive"}
     child = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=log, env=environment)
+    let_run_ahead(child.stdout)
     try:
         header = child.stdout.read(8)
         count = int.from_bytes(header, sys.byteorder)
@@ -102,6 +105,13 @@ def run_child(
         child.kill()
         child.stdout.close()
         child.wait()
+
+
+def let_run_ahead(pipe: IO[bytes]) -> None:
+    """Have room in ``pipe`` for many frames, so that the solver steps on while those before are looked at."""
+    if hasattr(fcntl, "F_SETPIPE_SZ"):  # Linux
+        with contextlib.suppress(OSError):  # the system may grant less; it is only slower then
+            fcntl.fcntl(pipe.fileno(), fcntl.F_SETPIPE_SZ, FRAMES_AHEAD)
 
 
 def why_it_ended(status: int, frame: int, log: IO[bytes]) -> Exception:
