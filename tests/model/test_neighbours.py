@@ -71,3 +71,8 @@ def test_double_precision_and_gradients_are_taken_as_they_come():
 def test_a_position_that_is_not_finite_is_said_in_one_line(value):
     with pytest.raises(SimulationError, match="the simulation blew up"):
         neighbourhood(torch.tensor([[0.0, 0.0, 0.0], [0.0, value, 0.0]]), 0.1)
+
+
+def test_a_clump_in_which_everybody_sees_everybody_is_a_collapse_and_not_a_memory_error():
+    with pytest.raises(SimulationError, match="collapsed: 999 particles are within 0.045 m"):
+        neighbourhood(torch.rand(1000, 3) * 1e-3, 0.045)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,6 +12,9 @@ from torch import Tensor
 
 from surfsup.errors import SimulationError
 from surfsup.model.neighbours_device import pairs_by_cells
+from surfsup.scene import PARTICLE_RADIUS
+
+MOST_CROWDED = 8  # times as many neighbours as in water, on the mean
 
 
 @dataclass(frozen=True)
@@ -34,10 +38,17 @@ def neighbourhood(positions: Tensor, radius: float) -> Neighbourhood:
     The search runs where the positions are; the result lies there too.
 
     Raises:
-        SimulationError: a position is not finite.
+        SimulationError: a position is not finite, or the particles have collapsed into a clump, in which everybody
+            sees everybody.
     """
     find_pairs = pairs_by_tree if positions.device.type == "cpu" else pairs_by_cells
     receivers, senders = find_pairs(positions, radius)
+    in_water = 4 / 3 * math.pi * (radius / (2 * PARTICLE_RADIUS)) ** 3
+    if len(receivers) > MOST_CROWDED * in_water * len(positions):
+        raise SimulationError(
+            f"the simulation collapsed: {len(receivers) / len(positions):.0f} particles are within {radius} m of one, "
+            f"where water has {in_water:.0f}"
+        )
     count = torch.arange(len(positions) + 1, device=positions.device)
     return Neighbourhood(torch.searchsorted(receivers, count), receivers, senders)
 
