@@ -8,14 +8,18 @@ import sys
 import time
 
 import av
+import h5py
 import numpy as np
 import pytest
+import torch
 import trimesh
+from safetensors.torch import save_file
 
 from surfsup.model import weights
 from surfsup.model.seen import Seen
 from surfsup.scene import Scene
 from surfsup.trajectory import Trajectory
+from tests.evaluation.scenes import SCENE as FALL
 from tests.evaluation.scenes import free_fall, write
 
 SCENE = """
@@ -110,6 +114,12 @@ def test_a_model_is_judged_into_a_report_and_its_rollout_can_be_compared_again(t
         (["generate", "nothing", "-o", "data", "-n", "1"], "there is no recipe 'nothing'"),
         (["generate", "prim-shapes", "-o", "data", "-n", "0"], "at least 1"),
         (["train", "nothing", "--data", ".", "--validation", ".", "-o", "run"], "no training preset"),
+        (["train", "sursup", "--data", ".", "--validation", ".", "-o", "run"], "did you mean 'surfsup'"),
+        (["train", "surfsup", "--data", "OTHER", "--validation", ".", "-o", "run"], "0.015 m, so take other data"),
+        (["evaluate", "first", "OTHER", "-o", "report"], "0.015 m, so take other data"),
+        (["evaluate", "old.safetensors", "OTHER", "-o", "report"], "not weights of a simulator of this version"),
+        (["compare", "OTHER/00000.h5", "OTHER/00000.h5"], "0.015 m, so take other data"),
+        (["evaluate", "first", ".", "--frames", "0"], "greater than or equal to 1"),
         (["train", "first", "--data", ".", "--validation", ".", "-o", "run", "--time", "soon"], "length of time"),
         (["train", "first", "width", "--data", ".", "--validation", ".", "-o", "run"], "key=value"),
         (["train", "first", "widht=8", "--data", ".", "--validation", ".", "-o", "run"], "did you mean 'width'"),
@@ -125,6 +135,9 @@ def test_a_model_is_judged_into_a_report_and_its_rollout_can_be_compared_again(t
     ],
 )
 def test_a_mistake_gets_one_line_and_status_2_and_leaves_nothing(arguments, complaint, scene, tmp_path):
+    save_file({"weight": torch.zeros(1)}, tmp_path / "old.safetensors", {"format": "surfsup-simulator-1"})
+    with h5py.File(write(tmp_path / "OTHER/00000.h5", *free_fall(2), scene=FALL.with_frames(2)), "r+") as file:
+        file.attrs["radius"] = 0.025
     before = sorted(os.listdir(tmp_path))
     done = surfsup(*[str(scene) if argument == "SCENE" else argument for argument in arguments], cwd=tmp_path)
     assert done.returncode == 2
@@ -147,6 +160,26 @@ def test_a_scene_unlike_those_of_training_is_warned_of(scene, tmp_path):
         assert done.returncode == 0, done.stderr
         assert done.stderr.count("not trained for a container of 3 x 1 x 2 m") == told
         assert done.stderr.count("warning") == told
+
+
+def test_without_its_guard_a_model_is_judged_into_another_folder_and_unseen_data_are_warned_of_once(tmp_path):
+    simulator, card = weights.load(weights.find(weights.DEFAULT_MODEL))
+    seen = Seen.of(FALL.model_copy(update={"surface": None}), 1000, 5.0)
+    weights.save(tmp_path / "model.safetensors", simulator, weights.Card(card.name, card.about, seen))
+    for name in ("falls/00000.h5", "falls/00001.h5", "falls/00002.h5"):
+        write(tmp_path / name, *free_fall())
+    done = surfsup(
+        *("evaluate", "model.safetensors", "falls", "--no-guard", "--scenes", 2, "--frames", 5, "--no-video"),
+        cwd=tmp_path,
+    )
+    assert done.returncode == 0, done.stderr
+    assert "falls: 2 scenes, no floor" in done.stdout
+    assert "'first' without the guard, the first 5 frames" in done.stdout
+    assert done.stderr.count("warning: falls: the weights were not trained for a solid of kind 'sphere' (2 of 2") == 1
+    assert done.stderr.count("warning") == 1
+    report = json.loads((tmp_path / "out/report-first-no-guard/report.json").read_text())
+    assert (report["model"]["guarded"], report["limits"]) == (False, {"scenes": 2, "frames": 5})
+    assert [scene["frames"] for scene in report["scenes"]] == [5, 5]
 
 
 def test_an_interrupt_leaves_a_readable_trajectory_and_status_130(scene, tmp_path):

@@ -13,7 +13,7 @@ from tests.evaluation.scenes import FRAMES, SCENE, Replay, free_fall, silent, wr
 
 def test_a_rollout_is_written_beside_its_truth(truth, tmp_path):
     told = []
-    share = roll_out(silent(), truth, tmp_path / "out.h5", "silent", "cpu", True, told.append)
+    share = roll_out(silent(), truth, FRAMES, tmp_path / "out.h5", "silent", "cpu", True, told.append)
     with Trajectory(tmp_path / "out.h5") as rollout:
         np.testing.assert_array_equal(rollout.positions[0], truth.positions[0])
         np.testing.assert_allclose(rollout.positions[:], truth.positions[:], atol=3e-5)
@@ -24,20 +24,20 @@ def test_a_rollout_is_written_beside_its_truth(truth, tmp_path):
 
 def test_the_share_of_guarded_particles_is_a_mean_over_frames(truth, tmp_path):
     replay = Replay(truth.positions[:], truth.velocities[:], moved=True)
-    assert roll_out(replay, truth, tmp_path / "out.h5", "replay", "cpu", True, lambda done: None) == 1
+    assert roll_out(replay, truth, FRAMES, tmp_path / "out.h5", "replay", "cpu", True, lambda done: None) == 1
 
 
 @pytest.mark.parametrize("spoil", [0, 1], ids=["positions", "velocities"])
 def test_a_rollout_that_blows_up_is_as_long_as_the_truth_and_lost(truth, tmp_path, spoil):
     frames = list(free_fall())
     frames[spoil][8, 3] = np.nan
-    roll_out(Replay(*frames), truth, tmp_path / "out.h5", "replay", "cpu", True, lambda done: None)
+    roll_out(Replay(*frames), truth, FRAMES, tmp_path / "out.h5", "replay", "cpu", True, lambda done: None)
     with Trajectory(tmp_path / "out.h5") as rollout:
         assert len(rollout) == FRAMES
-        assert np.isnan(rollout.positions[9:]).all()
+        assert np.isnan(rollout.positions[8:]).all()
     judged = judge_file(tmp_path / "out.h5", tmp_path / "00000.h5")
     assert judged.scores[ALL]["chamfer"] is None
-    assert judged.scores[ALL]["lost"] == 1 + (FRAMES - 9) * truth.positions.shape[1]
+    assert judged.scores[ALL]["lost"] == (FRAMES - 8) * truth.positions.shape[1]
 
 
 def test_a_trajectory_judged_as_its_own_repeat_is_exactly_the_floor(truth, tmp_path):

@@ -1,5 +1,6 @@
 import json
 
+import h5py
 import numpy as np
 import pytest
 
@@ -76,3 +77,11 @@ def test_a_trajectory_without_frames_cannot_be_compared(files):
 def test_numbers_that_cannot_be_written_are_one_line(files, tmp_path):
     with pytest.raises(InputError, match="cannot be written"):
         write_json(tmp_path, judge_pair(*files).report())
+
+
+@pytest.mark.parametrize("number", [0, 1], ids=["judged", "truth"])
+def test_a_trajectory_of_another_frame_time_is_refused_by_name(files, number):
+    with h5py.File(files[number], "r+") as file:
+        file.attrs["frame_time"] = 0.01
+    with pytest.raises(InputError, match=rf"{files[number].name}: has a frame every 0\.01 s .* are for 0\.005 s"):
+        judge_pair(*files)

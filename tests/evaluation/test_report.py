@@ -1,5 +1,6 @@
 import json
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,8 +11,9 @@ from surfsup.evaluation.report import Subject, evaluation_report, make_folder, p
 from surfsup.evaluation.scores import METRICS
 from surfsup.evaluation.table import evaluation_text, judgement_text
 from surfsup.evaluation.usable import data_sets, usable_truths
+from surfsup.model.seen import Seen
 from surfsup.model.weights import Card
-from tests.evaluation.scenes import FRAMES, free_fall, silent, write
+from tests.evaluation.scenes import FRAMES, SCENE, free_fall, silent, write
 
 SUBJECT = Subject(Card("silent", "falls & <nothing else>"), True, 0.09)
 
@@ -43,6 +45,7 @@ def test_the_report_says_what_was_judged_and_what_every_number_means(report):
     assert [metric["key"] for metric in report["metrics"]] == [metric.key for metric in METRICS]
     assert all(metric["tells"] for metric in report["metrics"])
     assert report["frame_time"] == 0.005
+    assert report["limits"] == {"scenes": None, "frames": None}
     assert report["near"] == 0.09
 
 
@@ -85,8 +88,9 @@ def test_json_has_no_values_that_json_does_not_know():
 
 def test_the_terminal_shows_model_floor_and_ratio_and_names_what_is_missing(evaluated, tmp_path):
     sets, scenes, skipped = evaluated
-    text = evaluation_text(scenes, sets, skipped)
-    assert "falls: 1 scene, all with their floor" in text
+    text = evaluation_text(SUBJECT, scenes, sets, skipped)
+    assert "falls: 1 scene, all with their floor; 'silent' with the guard\n" in text
+    assert text.count("the guard moved 0.00 %") == 2
     assert f"drops: 1 scene, no floor (make it with 'surfsup floor {tmp_path / 'drops'}')" in text
     assert f"1 skipped:\n  {tmp_path / 'falls/00001.h5'}: is not a trajectory" in text
     lines = text.splitlines()
@@ -110,3 +114,22 @@ def test_a_folder_that_cannot_be_made_is_refused(tmp_path):
     (tmp_path / "file").touch()
     with pytest.raises(InputError, match="cannot be made"):
         make_folder(tmp_path / "file" / "report")
+
+
+def test_a_model_judged_without_its_guard_over_some_frames_is_labelled_so(evaluated, tmp_path):
+    sets, scenes, skipped = evaluated
+    subject = replace(SUBJECT, guarded=False, scenes=3, frames=100)
+    text = evaluation_text(subject, scenes, sets, skipped)
+    assert "falls: 1 scene, all with their floor; 'silent' without the guard, the first 100 frames\n" in text
+    assert "the guard moved" not in text
+    report = evaluation_report(subject, sets, scenes, skipped, tmp_path / "report")
+    assert report["model"]["guarded"] is False
+    assert report["limits"] == {"scenes": 3, "frames": 100}
+
+
+def test_data_that_training_had_not_seen_are_marked(evaluated, tmp_path):
+    sets, scenes, skipped = evaluated
+    seen = replace(Seen.of(SCENE, 100, 9.0), surfaces=("cone",))
+    subject = replace(SUBJECT, card=replace(SUBJECT.card, seen=seen))
+    data = evaluation_report(subject, sets, scenes, skipped, tmp_path / "report")["data"]
+    assert ["not trained for a solid of kind 'sphere' (1 of 1 scenes)" in one["unseen"] for one in data] == [True] * 2

@@ -4,6 +4,7 @@ import h5py
 import numpy as np
 import pytest
 
+from surfsup.datasets.units import OtherUnits
 from surfsup.errors import InputError
 from surfsup.evaluation.floor import floor_files
 from surfsup.evaluation.usable import data_sets, difference, usable_truths
@@ -157,3 +158,30 @@ def shifted(metres: float) -> list:
 )
 def test_what_two_scenes_differ_in(changes, found):
     assert difference(SCENE, moved(**changes)) == found
+
+
+def of_other_particles(path):
+    with h5py.File(path, "r+") as file:
+        file.attrs["radius"] = 0.025
+
+
+def test_a_truth_of_other_units_is_no_damage_but_the_wrong_data_and_is_refused(folder):
+    of_other_particles(folder / "00001.h5")
+    with pytest.raises(OtherUnits, match=r"00001\.h5: has a frame every 0\.005 s and particles of radius 0\.025 m; "):
+        usable_truths(data_sets([folder]))
+
+
+def test_a_repeat_of_other_units_is_skipped(folder):
+    of_other_particles(folder / "floor/00000-1.h5")
+    truths, skipped = usable_truths(data_sets([folder]))
+    assert [floor.name for floor in truths[0].floors] == ["00000-2.h5"]
+    assert "particles of radius 0.025 m" in skipped[0].reason
+
+
+def test_the_first_trajectories_and_the_first_frames_of_each_are_enough_if_asked(folder):
+    write(folder / "floor/00000-2.h5", *free_fall(7))
+    truths, skipped = usable_truths(data_sets([folder], first=1), frames=7)
+    assert [(truth.path.name, truth.frames, len(truth.floors)) for truth in truths] == [("00000.h5", 7, 2)]
+    assert skipped == []
+    truths, _ = usable_truths(data_sets([folder], first=9), frames=10**6)
+    assert [truth.frames for truth in truths] == [FRAMES, FRAMES]

@@ -57,3 +57,11 @@ def test_one_unlike_them_is_told_with_what_was_seen(unlike, said):
 def test_other_particles_than_those_seen_are_told():
     other = Seen(**{**asdict(SEEN), "radius": 0.01, "frame_time": 0.01})
     assert "particles of radius 0.015 m, frames of 0.005 s; expect" in other.warning(scene())
+
+
+def test_a_solid_of_a_kind_that_was_not_seen_is_told_apart():
+    cone = scene(surface="{cone: {height: 0.2, bottom_radius: 0.1}}")
+    assert SEEN.unlike_solid(scene()) == []
+    assert SEEN.unlike_solid(cone) == ["a solid of kind 'cone'"]
+    assert SEEN.unlike_solid(scene(surface="null")) == ["a container without a solid"]
+    assert SEEN.warning(cone) is None

@@ -1,7 +1,9 @@
 import csv
 import os
+import shutil
 import signal
 
+import h5py
 import pytest
 import torch
 
@@ -161,3 +163,13 @@ def test_a_run_may_stop_before_its_schedule_ends(tmp_path, data):
     train(run, Windows(data), data)
     assert run.step == 5
     assert (tmp_path / "best.safetensors").exists()
+
+
+def test_validation_scenes_of_other_particles_are_refused_before_anything_is_done(tmp_path, data):
+    shutil.copytree(data, tmp_path / "other")
+    with h5py.File(tmp_path / "other/00001.h5", "r+") as file:
+        file.attrs["radius"] = 0.025
+    run = Run(config(judge_scenes=2), tmp_path / "run")
+    with pytest.raises(InputError, match=r"00001\.h5: has .* radius 0\.025 m; the simulators here are for .* 0\.015 m"):
+        train(run, Windows(data), tmp_path / "other")
+    assert (run.step, run.folder.exists()) == (0, False)

@@ -10,9 +10,10 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from surfsup.datasets.units import check_units
 from surfsup.errors import InputError
 from surfsup.model.state import Surroundings
-from surfsup.scene import FRAME_TIME, PARTICLE_RADIUS, Scene
+from surfsup.scene import Scene
 from surfsup.sdf import Transformed
 from surfsup.trajectory import Trajectory
 
@@ -112,19 +113,6 @@ class Windows:
             return draw_window(
                 trajectory, trajectory.scene, str(path), self._surroundings[number], random, past, frames
             )
-
-
-def check_units(path: Path, trajectory: Trajectory) -> None:
-    """Refuse what no simulator here could learn from.
-
-    Raises:
-        InputError: the trajectory is of another frame time or particle radius than the simulators'.
-    """
-    if not np.allclose([trajectory.frame_time, trajectory.radius], [FRAME_TIME, PARTICLE_RADIUS], rtol=1e-6):
-        raise InputError(
-            f"{path}: has a frame every {trajectory.frame_time:g} s and particles of radius {trajectory.radius:g} m; "
-            f"the simulators here are for {FRAME_TIME:g} s and {PARTICLE_RADIUS:g} m, so take other data"
-        )
 
 
 class Frames(Protocol):

@@ -124,8 +124,8 @@ def evaluate(
         def told(frame: int, before: int = done) -> None:
             tell(before + frame, total)
 
-        with Trajectory(truth.path) as frames:
-            guard_share = roll_out(model, frames, path, name, device, guarded, told)
+        with Trajectory(truth.path) as beside:
+            guard_share = roll_out(model, beside, truth.frames, path, name, device, guarded, told)
         judged.append(JudgedScene(truth, path, guard_share, judge_file(path, truth.path, truth.floors, threshold)))
         done += truth.frames
     return judged

@@ -15,6 +15,7 @@ import torch
 
 from surfsup.errors import InputError
 from surfsup.evaluation.metrics import NO_CHAMFER, Chamfer, centre_height, chamfer, kinetic_energy
+from surfsup.evaluation.rollout import while_sound
 from surfsup.evaluation.scores import ratio
 from surfsup.model.learned_simulator import LearnedSimulator
 from surfsup.model.state import Surroundings
@@ -71,11 +72,8 @@ def rollout_scores(
     start = (torch.from_numpy(values[0]).to(device) for values in (true_positions, true_velocities))
     state = model.start(*start, around)
     tally = Tally()
-    for frame, (now, moved) in enumerate(model.rollout(state, around, frames)):
+    for frame, (now, moved) in enumerate(while_sound(model.rollout(state, around, frames))):
         positions, velocities = now.positions.cpu().numpy(), now.velocities.cpu().numpy()
-        if not (np.isfinite(positions).all() and np.isfinite(velocities).all()):
-            tally.chamfer.append(NO_CHAMFER)
-            break
         if frame % every == 0:
             tally.chamfer.append(chamfer(positions, true_positions[frame]))
         tally.height_error.append(abs(centre_height(positions) - centre_height(true_positions[frame])))
@@ -85,6 +83,8 @@ def rollout_scores(
         if surface is not None:
             tally.inside += int((around.surface.distance(now.positions) < 0).sum())
         tally.outside += int(((now.positions < around.lower) | (now.positions > around.upper)).any(dim=-1).sum())
+    if len(tally.energy) < frames:
+        tally.chamfer.append(NO_CHAMFER)
     return tally.scores()
 
 

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+from surfsup.datasets.units import check_units
 from surfsup.errors import InputError
 from surfsup.evaluation.evaluate import Judgement, judge_file
 from surfsup.evaluation.floor import HOW_TO_MAKE
@@ -61,9 +62,12 @@ def judge_pair(
     """Judge the trajectory file ``judged`` by the one of ``truth``, over the frames that both have.
 
     Raises:
-        InputError: a file is not a trajectory, has no frames or is damaged, or they are of different scenes.
+        InputError: a file is not a trajectory, has no frames, is damaged or of another frame time or particle radius,
+            or they are of different scenes.
     """
     with Trajectory(judged) as one, Trajectory(truth) as other:
+        check_units(judged, one)
+        check_units(truth, other)
         differing = difference(one.scene, other.scene)
         if differing is not None:
             raise InputError(f"{judged} and {truth} are of different scenes: their {differing} differ")

@@ -16,6 +16,7 @@ from surfsup.evaluation.evaluate import JudgedScene, Judgement
 from surfsup.evaluation.floor import HOW_TO_MAKE
 from surfsup.evaluation.scores import METRICS, WINDOWS, ByWindow, ratios
 from surfsup.evaluation.summary import summaries
+from surfsup.evaluation.unseen import unseen
 from surfsup.evaluation.usable import DataSet, Skipped
 from surfsup.model.weights import Card
 from surfsup.scene import FRAME_TIME
@@ -34,11 +35,15 @@ class Subject:
         card: the model's.
         guarded: whether the guard against penetration was on.
         threshold: metres; particles nearer to the solid count for Chamfer Surface.
+        scenes: how many of every data set, the first ones; None are all.
+        frames: how many of every scene, the first ones; None are all.
     """
 
     card: Card
     guarded: bool
     threshold: float
+    scenes: int | None = None
+    frames: int | None = None
 
 
 def make_folder(path: Path) -> None:
@@ -61,10 +66,12 @@ def evaluation_report(
     folder: Path,
 ) -> dict:
     """All that an evaluation found, as plain data for JSON; file names are relative to ``folder`` where they can be."""
+    strange = unseen(subject.card.seen, [scene.truth for scene in scenes])
     return {
         "model": {"name": subject.card.name, "about": subject.card.about, "guarded": subject.guarded},
+        "limits": {"scenes": subject.scenes, "frames": subject.frames},
         **definitions(subject.threshold),
-        "data": [data_set_entry(one, scenes, skipped) for one in sets],
+        "data": [{**data_set_entry(one, scenes, skipped), "unseen": strange.get(one.name)} for one in sets],
         "means": [
             {
                 "data": mean.data,

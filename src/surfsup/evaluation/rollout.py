@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
 import torch
 
-from surfsup.model.learned_simulator import LearnedSimulator
+from surfsup.errors import SimulationError
+from surfsup.model.learned_simulator import LearnedSimulator, StateType
 from surfsup.model.state import Surroundings
 from surfsup.trajectory import Provenance, Trajectory, TrajectoryWriter
 
@@ -17,20 +19,22 @@ from surfsup.trajectory import Provenance, Trajectory, TrajectoryWriter
 def roll_out(
     model: LearnedSimulator,
     truth: Trajectory,
+    frames: int,
     path: Path,
     name: str,
     device: str,
     guarded: bool,
     tell: Callable[[int], None],
 ) -> float:
-    """Write to ``path`` what ``model`` makes of the start of ``truth``, over as many frames.
+    """Write to ``path`` what ``model`` makes of the start of ``truth``, over so many ``frames``.
 
-    From the frame on in which a rollout is no longer a number, all its particles are written as NaN: they are
-    lost, and the file is as long as the truth.
+    From the frame on in which a rollout is no longer a number, or has collapsed, all its particles are written as NaN:
+    they are lost, and the file is as long as any.
 
     Args:
         model: the simulator.
         truth: where to start.
+        frames: how many to write, the start among them.
         path: of the trajectory file, replaced if it is there.
         name: of the model, for the file.
         device: where to compute.
@@ -43,21 +47,28 @@ def roll_out(
     Raises:
         InputError: a mesh file of the scene is not usable, or ``path`` cannot be written.
     """
-    scene = truth.scene.with_frames(len(truth))
+    scene = truth.scene.with_frames(frames)
     around = Surroundings.of(scene, scene.build_surface(), device)
     start, velocities = (torch.from_numpy(data[0]).to(device) for data in (truth.positions, truth.velocities))
     model = model.to(device)
-    rollout = model.rollout(model.start(start, velocities, around), around, len(truth), guarded)
+    rollout = model.rollout(model.start(start, velocities, around), around, frames, guarded)
     gone = np.full(start.shape, np.nan, dtype=np.float32)
-    shares, alive = [], True
+    shares = []
     with TrajectoryWriter(path, scene, Provenance(name), len(start)) as writer:
-        for number in range(len(truth)):
-            frame = (gone, gone)
-            if alive:
-                now, moved = next(rollout)
-                frame = now.positions.cpu().numpy(), now.velocities.cpu().numpy()
-                alive = all(bool(np.isfinite(values).all()) for values in frame)
-                shares.append(float(moved.float().mean()))
-            writer.append(*frame)
+        for now, moved in while_sound(rollout):
+            writer.append(now.positions.cpu().numpy(), now.velocities.cpu().numpy())
+            shares.append(float(moved.float().mean()))
+            tell(len(shares))
+        for number in range(len(shares), frames):
+            writer.append(gone, gone)
             tell(number + 1)
     return float(np.mean(shares))
+
+
+def while_sound(rollout: Iterator[tuple[StateType, torch.Tensor]]) -> Iterator[tuple[StateType, torch.Tensor]]:
+    """The frames of a rollout before the one in which it is no longer a number, or has collapsed into a clump."""
+    with suppress(SimulationError):
+        for now, moved in rollout:
+            if not (now.positions.isfinite().all() and now.velocities.isfinite().all()):
+                return
+            yield now, moved

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 from surfsup.evaluation.evaluate import JudgedScene, Judgement
 from surfsup.evaluation.floor import HOW_TO_MAKE
+from surfsup.evaluation.report import Subject
 from surfsup.evaluation.scores import ALL, METRICS, Metric, Values, ratios
 from surfsup.evaluation.summary import Summary, summaries
 from surfsup.evaluation.usable import DataSet, Skipped
@@ -19,22 +20,26 @@ COUNTS = ("density", "penetration", "depth", "lost")
 Row = tuple[str, Values | None, Values | None, Values | None]  # label; own, floor, ratio
 
 
-def evaluation_text(scenes: Sequence[JudgedScene], sets: Sequence[DataSet], skipped: Sequence[Skipped]) -> str:
+def evaluation_text(
+    subject: Subject, scenes: Sequence[JudgedScene], sets: Sequence[DataSet], skipped: Sequence[Skipped]
+) -> str:
     """The means by data set and surface and over time, the floor beside them, and what was skipped."""
     means, lines = summaries(scenes), []
     for one in sets:
         members = [mean for mean in means if mean.data == one.name]
         if members:
-            guarded = [scene.guarded for scene in scenes if scene.truth.data == one.name]
-            lines += [*data_set_lines(one, members), guard_line(guarded), ""]
+            lines += data_set_lines(one, members, subject)
+            if subject.guarded:
+                lines.append(guard_line([scene.guarded for scene in scenes if scene.truth.data == one.name]))
+            lines.append("")
     lines += [*legend(BY_KEY), *skipped_lines(skipped)]
     return "\n".join(lines)
 
 
-def data_set_lines(one: DataSet, members: Sequence[Summary]) -> list[str]:
+def data_set_lines(one: DataSet, members: Sequence[Summary], subject: Subject) -> list[str]:
     """One data set: by surface over all frames, then all surfaces over time."""
     whole = members[-1]
-    lines = [f"{one.name}: {scenes_of(whole.scenes)}, {floor_of(whole, one)}"]
+    lines = [f"{one.name}: {scenes_of(whole.scenes)}, {floor_of(whole, one)}; {how(subject)}"]
     for keys in (DISTANCES, PHYSICS):
         by_surface = [(f"{mean.surface} ({mean.scenes})", *values_of(mean, ALL)) for mean in members]
         over_time = [(window, *values_of(whole, window)) for window in whole.model if window != ALL]
@@ -58,6 +63,12 @@ def judgement_text(judgement: Judgement) -> str:
         ]
         lines += [*head(metrics, grounded, "judged"), *rows(values, metrics, grounded), ""]
     return "\n".join([*lines, *legend(BY_KEY)])
+
+
+def how(subject: Subject) -> str:
+    """What of the model was judged, and over how much."""
+    what = f"'{subject.card.name}' {'with' if subject.guarded else 'without'} the guard"
+    return what if subject.frames is None else f"{what}, the first {subject.frames} frames"
 
 
 def values_of(mean: Summary, window: str) -> tuple[Values | None, Values | None, Values | None]:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from surfsup.datasets.units import OtherUnits, check_units
 from surfsup.errors import InputError
 from surfsup.evaluation.floor import floor_files
 from surfsup.scene import SPACING, Scene
@@ -31,27 +32,29 @@ class Truth:
     Attributes:
         data: name of its data set.
         path: its file.
-        frames: how many.
+        scene: what it is of.
+        frames: how many of it are judged.
         floors: the files of its repeats.
     """
 
     data: str
     path: Path
+    scene: Scene
     frames: int
     floors: list[Path]
 
 
 @dataclass(frozen=True)
 class DataSet:
-    """A folder of trajectories, and the name that the report gives it."""
+    """A folder of trajectories, those of them that are judged, and the name that the report gives it."""
 
     name: str
     folder: Path
     paths: list[Path]
 
 
-def data_sets(folders: Sequence[Path]) -> list[DataSet]:
-    """The trajectory files of ``folders``, each folder under a name of its own.
+def data_sets(folders: Sequence[Path], first: int | None = None) -> list[DataSet]:
+    """The trajectory files of ``folders``, each folder under a name of its own; of each the ``first`` so many or all.
 
     Raises:
         InputError: a folder has none, or is given twice.
@@ -68,17 +71,25 @@ def data_sets(folders: Sequence[Path]) -> list[DataSet]:
         paths = sorted(given.glob("*.h5"))
         if not paths:
             raise InputError(f"{given}: has no trajectories (*.h5) to judge by; make some with 'surfsup generate'")
-        sets.append(DataSet("-".join(part.strip("/") for part in folder.parts[-parts:]), given, paths))
+        sets.append(DataSet("-".join(part.strip("/") for part in folder.parts[-parts:]), given, paths[:first]))
     return sets
 
 
 def usable_truths(
-    sets: Sequence[DataSet], tell: Callable[[int, int], None] = lambda done, total: None
+    sets: Sequence[DataSet],
+    tell: Callable[[int, int], None] = lambda done, total: None,
+    frames: int | None = None,
 ) -> tuple[list[Truth], list[Skipped]]:
     """Every true trajectory that can be judged by, with its usable repeats; and all files that cannot be used.
 
+    Args:
+        sets: where to look.
+        tell: told how many files are read.
+        frames: how many of each are judged; None takes all.
+
     Raises:
         InputError: there is not one truth.
+        OtherUnits: one is of another frame time or particle radius: no damage, but the wrong data.
     """
     truths: list[Truth] = []
     skipped: list[Skipped] = []
@@ -86,8 +97,12 @@ def usable_truths(
     for one in sets:
         for path in one.paths:
             try:
-                truth = checked_truth(path)
-                truths.append(Truth(one.name, path, truth[1], usable_floors(path, *truth, skipped)))
+                scene, length = checked_truth(path)
+                judged = min(length, frames or length)
+                floors = usable_floors(path, scene, judged, skipped)
+                truths.append(Truth(one.name, path, scene, judged, floors))
+            except OtherUnits:
+                raise
             except InputError as error:
                 skipped.append(Skipped(path, reason(path, error)))
             done += 1
@@ -102,9 +117,10 @@ def checked_truth(path: Path) -> tuple[Scene, int]:
     """The scene and the number of frames of the true trajectory in ``path``.
 
     Raises:
-        InputError: it is not a trajectory, is cut off or damaged, or its solid cannot be built.
+        InputError: it is not a trajectory, is cut off or damaged, of other units, or its solid cannot be built.
     """
     with Trajectory(path) as truth:
+        check_units(path, truth)
         if len(truth) < truth.scene.frames:
             raise InputError(f"{path}: was cut off: it has {len(truth)} of its {truth.scene.frames} frames")
         check_numbers(path, truth)
@@ -118,6 +134,7 @@ def usable_floors(truth: Path, scene: Scene, frames: int, skipped: list[Skipped]
     for path in floor_files(truth):
         try:
             with Trajectory(path) as repeat:
+                check_units(path, repeat)
                 if len(repeat) < frames:
                     raise InputError(f"{path}: was cut off: it has {len(repeat)} of {frames} frames")
                 if (differing := difference(repeat.scene, scene)) is not None:

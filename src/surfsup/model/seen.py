@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -79,7 +80,26 @@ class Seen:
         )
 
     def warning(self, scene: Scene) -> str | None:
-        """What of ``scene`` the weights were not trained for and what they were, as one line; None if nothing."""
+        """What of ``scene`` the weights were not trained for and what they were, as one line; None if nothing.
+
+        Its solid is not told of: a user's own is nearly always of a kind that training had not, and the simulators know
+        a solid by its distance, not by its kind.
+        """
+        strange = self.unlike(scene)
+        return self.complaint(strange) if strange else None
+
+    def complaint(self, strange: Sequence[str]) -> str:
+        """One line on what is ``strange`` to the weights, and what is not."""
+        return f"the weights were not trained for {', '.join(strange)}; expect errors. Training saw {self.text()}"
+
+    def unlike_solid(self, scene: Scene) -> list[str]:
+        """The solid of ``scene`` where its kind was not seen, else nothing."""
+        if scene.surface is None:
+            return [] if "none" in self.surfaces else ["a container without a solid"]
+        return [] if scene.surface.kind in self.surfaces else [f"a solid of kind '{scene.surface.kind}'"]
+
+    def unlike(self, scene: Scene) -> list[str]:
+        """What of ``scene`` besides its solid is out of what was seen."""
         x, y, z = scene.container.size
         strength, tilt = pull(scene)
         speed = max(math.hypot(*entry.block.velocity) for entry in scene.fluid)
@@ -96,9 +116,7 @@ class Seen:
             )
         if speed > (1 + TOLERANCE) * self.fastest:
             strange.append(f"water at {speed:.3g} m/s")
-        if not strange:
-            return None
-        return f"the weights were not trained for {', '.join(strange)}; expect errors. Training saw {self.text()}"
+        return strange
 
     def text(self) -> str:
         """What was seen, in words."""

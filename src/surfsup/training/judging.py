@@ -6,22 +6,23 @@ import csv
 from collections.abc import Callable
 from pathlib import Path
 
-from surfsup.datasets.windows import check_units
+from surfsup.datasets.units import check_units
 from surfsup.evaluation.judge import Scores, first_trajectories, judge, mean_scores
 from surfsup.model import weights
 from surfsup.training.run import Run
 from surfsup.trajectory import Trajectory
 
 
-def check_validation(folder: Path) -> None:
+def check_validation(folder: Path, scenes: int) -> None:
     """Find out now, not at the first rollouts, that there is nothing to judge by.
 
     Raises:
-        InputError: the folder has no trajectories, the first is none, or it is of another frame time or radius.
+        InputError: the folder has no trajectories, or one of the first ``scenes`` is none, or of another frame time or
+            radius.
     """
-    path = first_trajectories(folder, 1)[0]
-    with Trajectory(path) as trajectory:
-        check_units(path, trajectory)
+    for path in first_trajectories(folder, scenes):
+        with Trajectory(path) as trajectory:
+            check_units(path, trajectory)
 
 
 def keep_the_best(run: Run, validation: Path, loss: float, stop: Callable[[], bool]) -> Scores | None:

@@ -76,7 +76,7 @@ def train(
         InputError: the validation folder has no trajectories.
         NotANumber: the loss became NaN; the checkpoint before it is kept.
     """
-    check_validation(validation)
+    check_validation(validation, run.config.judge_scenes)
     run.folder.mkdir(parents=True, exist_ok=True)
     if run.untouched:
         prepare(windows, run)

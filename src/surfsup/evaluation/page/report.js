@@ -232,7 +232,7 @@ byId("charts").addEventListener("pointerleave", hide);
 // ---- what does not change with the choice
 function still() {
   const { name, about, guarded } = report.model, judged = report.scenes.length, sets = report.data.filter((one) => one.scenes).length;
-  byId("title").textContent = `How close \u2018${name}\u2019 comes to SPlisHSPlasH`;
+  byId("title").textContent = `How close \u2018${name}\u2019 comes to SPlisHSPlasH${guarded ? "" : " without its guard"}`;
   const share = report.scenes.reduce((sum, one) => sum + one.guarded, 0) / judged;
   const guard = guarded ? `the guard moved ${(100 * share).toFixed(2)}\u202f% of the particles in a frame` : "without the guard against penetration";
   byId("subtitle").textContent = `Rolled out from the start of ${plural(judged, "held-out scene")} of ${plural(sets, "data set")} and compared with the reference solver, frame by frame; ${guard}.`;
@@ -241,6 +241,7 @@ function still() {
   const notices = skipped.length ? [`${plural(skipped.length, "file")} could not be used and ${skipped.length === 1 ? "is" : "are"} named below.`] : [];
   for (const one of report.data) if (one.scenes && one.floor_missing)
     notices.push(`${one.floors ? `Only ${one.floors} of the ${one.scenes} scenes` : "No scene"} of ${one.name} ${one.floors > 1 ? "have" : "has"} a floor, the solver's own distance from itself: ${one.floor_missing}.`);
+  for (const one of report.data) if (one.unseen) notices.push(`${one.unseen}.`);
   byId("notices").innerHTML = notices.map((text) => `<div class="notice">${escape(text)}</div>`).join("");
   byId("skipped-section").hidden = !skipped.length;
   byId("skipped").innerHTML = skipped.map((bad) => `<li><b>${escape(bad.data)}/${escape(bad.file)}</b>: ${escape(bad.reason)}</li>`).join("");
