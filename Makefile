@@ -34,8 +34,8 @@ weights: setup
 setup: .venv/ready
 	@scripts/system-libraries
 
-.venv/ready: pyproject.toml scripts/setup
+.venv/ready: pyproject.toml scripts/setup $(wildcard src/surfsup/native/*.[ch]pp src/surfsup/native/CMakeLists.txt)
 	@scripts/setup
 
 clean:
-	rm -rf .venv out .pytest_cache .ruff_cache .hypothesis
+	rm -rf .venv build out .pytest_cache .ruff_cache .hypothesis

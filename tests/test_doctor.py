@@ -1,4 +1,4 @@
-from surfsup import doctor
+from surfsup import doctor, native
 from surfsup.reference import solver
 from surfsup.viewing import graphics
 
@@ -6,7 +6,7 @@ from surfsup.viewing import graphics
 def test_everything_is_looked_at_and_what_is_fine_needs_no_remedy():
     findings = doctor.examine()
     assert [finding.what for finding in findings] == [
-        "Python", "torch", "processor", "models", "pictures", "reference solver", "disk",
+        "Python", "torch", "native step", "processor", "models", "pictures", "reference solver", "disk",
     ]  # fmt: skip
     assert all(not finding.remedy for finding in findings if finding.fine)
 
@@ -28,3 +28,16 @@ def test_a_missing_solver_is_mended_by_its_command(monkeypatch):
     finding = doctor.reference_solver()
     assert not finding.fine
     assert finding.remedy == "apt-get install libgl1"
+
+
+def test_a_package_built_without_a_compiler_says_what_it_costs_and_how_to_mend_it(monkeypatch):
+    monkeypatch.setattr(native, "paths", list)
+    finding = doctor.native_step()
+    assert not finding.fine
+    assert "several times as long" in finding.found
+    assert "apt-get install g++ python3-dev" in finding.remedy
+
+
+def test_a_native_step_is_named_by_its_instruction_set(monkeypatch):
+    monkeypatch.setattr(native, "paths", lambda: ["avx2", "plain"])
+    assert doctor.native_step().found == "built, uses avx2"

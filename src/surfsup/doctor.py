@@ -32,7 +32,7 @@ class Finding:
 
 def examine() -> list[Finding]:
     """Look at everything that surfsup needs."""
-    return [python(), torch_build(), processor(), models(), pictures(), reference_solver(), disk()]
+    return [python(), torch_build(), native_step(), processor(), models(), pictures(), reference_solver(), disk()]
 
 
 def python() -> Finding:
@@ -51,6 +51,20 @@ def torch_build() -> Finding:
     if has_card:
         return Finding("torch", False, f"{found}, though there is an NVIDIA GPU", "see 'GPU' in docs/install.md")
     return Finding("torch", True, found)
+
+
+def native_step() -> Finding:
+    """The convolution's step in C++."""
+    from surfsup import native
+
+    if native.paths():
+        return Finding("native step", True, f"built, uses {native.paths()[0]}")
+    return Finding(
+        "native step",
+        False,
+        "not built, for want of a C++ compiler: on a CPU a frame takes several times as long",
+        "apt-get install g++ python3-dev, then surfsup anew: rm -f .venv/ready && make setup",
+    )
 
 
 def processor() -> Finding:

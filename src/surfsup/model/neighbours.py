@@ -43,12 +43,8 @@ def neighbourhood(positions: Tensor, radius: float) -> Neighbourhood:
     """
     find_pairs = pairs_by_tree if positions.device.type == "cpu" else pairs_by_cells
     receivers, senders = find_pairs(positions, radius)
-    in_water = 4 / 3 * math.pi * (radius / (2 * PARTICLE_RADIUS)) ** 3
-    if len(receivers) > MOST_CROWDED * in_water * len(positions):
-        raise SimulationError(
-            f"the simulation collapsed: {len(receivers) / len(positions):.0f} particles are within {radius} m of one, "
-            f"where water has {in_water:.0f}"
-        )
+    if len(receivers) > most_edges(len(positions), radius):
+        raise collapsed(len(receivers), len(positions), radius)
     count = torch.arange(len(positions) + 1, device=positions.device)
     return Neighbourhood(torch.searchsorted(receivers, count), receivers, senders)
 
@@ -63,13 +59,36 @@ def pairs_by_tree(positions: Tensor, radius: float) -> tuple[Tensor, Tensor]:
     """
     points = positions.detach().numpy()
     if not np.isfinite(points).all():
-        raise SimulationError("the simulation blew up: a particle's position is not a finite number")
+        raise blown_up()
     tree = cKDTree(points, balanced_tree=False, compact_nodes=False)
     pairs = tree.query_pairs(radius, output_type="ndarray")
     receivers = np.concatenate([pairs[:, 0], pairs[:, 1]])
     senders = np.concatenate([pairs[:, 1], pairs[:, 0]])
     order = np.argsort(receivers * len(points) + senders)
     return torch.from_numpy(receivers[order]), torch.from_numpy(senders[order])
+
+
+def in_water(radius: float) -> float:
+    """How many neighbours a particle has in water at rest."""
+    return 4 / 3 * math.pi * (radius / (2 * PARTICLE_RADIUS)) ** 3
+
+
+def most_edges(particles: int, radius: float) -> int:
+    """With more edges than this the fluid is no longer one."""
+    return int(MOST_CROWDED * in_water(radius) * particles)
+
+
+def collapsed(edges: int, particles: int, radius: float) -> SimulationError:
+    """What to raise where everybody sees everybody."""
+    return SimulationError(
+        f"the simulation collapsed: {edges / particles:.0f} particles are within {radius} m of one, "
+        f"where water has {in_water(radius):.0f}"
+    )
+
+
+def blown_up() -> SimulationError:
+    """What to raise where a position is not finite."""
+    return SimulationError("the simulation blew up: a particle's position is not a finite number")
 
 
 def join_neighbourhoods(parts: list[Neighbourhood]) -> Neighbourhood:

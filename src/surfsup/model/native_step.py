@@ -1,0 +1,113 @@
+"""One frame by the native step, wherever it can stand in for torch's."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import torch
+from torch import Tensor
+
+from surfsup import native
+from surfsup.model.convolution import CLOSE
+from surfsup.model.features import CROWDED, DISPLACEMENT_SCALE, REACH, VELOCITY_SCALE
+from surfsup.model.neighbours import blown_up, collapsed, most_edges
+from surfsup.model.network import ConvolutionNetwork
+from surfsup.model.state import FRAME_TIME, State, Surroundings, free_fall_drop, free_fall_lag
+
+if TYPE_CHECKING:
+    from surfsup.model.simulator import Simulator
+
+
+class NativeStep:
+    """The native twin of one simulator's network; made when first needed, and anew whenever the weights have changed.
+
+    Args:
+        position_share: of a velocity correction that shows in the displacement.
+        path: the instruction set to use; the best that the processor has, unless named.
+    """
+
+    def __init__(self, position_share: float, path: str | None = None) -> None:
+        self.position_share = position_share
+        self.path = path or next(iter(native.paths()), "")
+        self.network: native.Network | None = None
+        # The weights that it was made of: held, so that none of their memory can be given to others meanwhile.
+        self.made_of: list[tuple[Tensor, int]] = []
+
+    def __reduce__(self) -> tuple[type[NativeStep], tuple[float, str]]:
+        return NativeStep, (self.position_share, self.path)  # a copy makes its own network
+
+    def can_take(self, state: State, around: Surroundings, network: ConvolutionNetwork) -> bool:
+        """Whether it may stand in: it is built, no gradient is wanted, all is single precision on the CPU."""
+        if not self.path or torch.is_grad_enabled() or around.gravity.ndim != 1 or not network.layers:
+            return False
+        return all(
+            value.dtype == torch.float32 and value.device.type == "cpu"
+            for value in (*vars(state).values(), around.gravity, around.lower, network.encoder[0].weight)
+        )
+
+    @torch.no_grad()
+    def take(self, simulator: Simulator, state: State, around: Surroundings) -> tuple[Tensor, Tensor]:
+        """Positions (N, 3) and velocities (N, 3) one frame later, before the guard.
+
+        Raises:
+            SimulationError: a position is not finite, or the particles have collapsed into a clump.
+        """
+        ahead = state.positions + FRAME_TIME * state.velocities + free_fall_drop(around.gravity)
+        distance, normal = around.distance_and_normal(ahead)
+        told = (*vars(state).values(), ahead, distance, normal, around.gravity, around.lower, around.upper)
+        positions, velocities = torch.empty_like(ahead), torch.empty_like(ahead)
+        radius = simulator.architecture.radius
+        most = most_edges(len(ahead), radius)
+        edges = self.network_of(simulator).step(
+            *(value.float().contiguous().numpy() for value in told),
+            positions.numpy(),
+            velocities.numpy(),
+            self.path,
+            torch.get_num_threads(),
+            most,
+        )
+        if edges < 0:
+            raise blown_up()
+        if edges > most:
+            raise collapsed(edges, len(ahead), radius)
+        return positions, velocities
+
+    def network_of(self, simulator: Simulator) -> native.Network:
+        """The native network of the weights as they are now."""
+        weights = list(simulator.network.parameters())
+        if self.network is None or not self.made_of_these(weights):
+            self.network = native_network(simulator, self.position_share)
+            self.made_of = [(weight.detach(), weight._version) for weight in weights]
+        return self.network
+
+    def made_of_these(self, weights: list[Tensor]) -> bool:
+        """Whether these are the weights, and none has been written to since."""
+        return len(weights) == len(self.made_of) and all(
+            weight.data_ptr() == kept.data_ptr() and weight._version == version
+            for weight, (kept, version) in zip(weights, self.made_of, strict=True)
+        )
+
+
+def native_network(simulator: Simulator, position_share: float) -> native.Network:
+    """The native twin of a simulator's network as it is now."""
+    network = simulator.network
+
+    def array(weight: Tensor) -> object:
+        return weight.detach().contiguous().numpy()
+
+    first, last = network.factors[0], network.factors[2]
+    return native.Network(
+        encoder=(array(network.encoder[0].weight), array(network.encoder[2].weight)),
+        factors=(array(first.weight), array(first.bias), array(last.weight), array(last.bias)),
+        layers=[(array(one.mix.weight), array(one.own.weight), array(one.out.weight)) for one in network.layers],
+        decoder=(array(network.decoder[0].weight), array(network.decoder[2].weight)),
+        radius=simulator.architecture.radius,
+        close=CLOSE,
+        frame_time=FRAME_TIME,
+        fall_lag=float(free_fall_lag(torch.ones(()))),
+        reach=REACH,
+        displacement_scale=DISPLACEMENT_SCALE,
+        velocity_scale=VELOCITY_SCALE,
+        crowded=CROWDED,
+        position_share=position_share,
+    )

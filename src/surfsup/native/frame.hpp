@@ -1,0 +1,89 @@
+// What one step of the network works on: plain pointers, so that every path can be compiled by itself.
+#pragma once
+
+#include <cstdint>
+
+namespace surfsup {
+
+constexpr int KERNELS = 8;
+constexpr int NEAR_KERNELS[KERNELS] = {0, 1, 2, 3, 4, 5, 6, 7};  // of neighbours that the close window feels
+constexpr int FAR_KERNELS[4] = {0, 2, 3, 4};                      // of those that it does not
+constexpr int ACTIONS = 51;                                       // what acts on a particle, see features.py
+constexpr int LIMITED = 30, LIMITED_ROOM = 32;  // of them through a soft limit; they come first in a row
+constexpr int ROW = 56;                         // room for a row of what acts
+constexpr int OUTPUTS = 8, OUTPUT_ROOM = 16;
+
+// Numbers of the model that are defined in Python; lengths in metres, times in seconds.
+struct Constants {
+    float radius, close;         // reach of a kernel; share of it that the close window reaches
+    float frame_time;            // of a step
+    float fall_lag;              // times gravity: how far free fall stays behind its end velocity times the frame time
+    float reach;                 // beyond which a solid is not felt
+    float displacement_scale, velocity_scale;
+    float crowded;               // sum of the close window above which neighbours are too near
+    float position_share;        // of a velocity correction that shows in the displacement
+};
+
+// Weights as the products take them: a row an input, a column an output; `width` is a multiple of 16, what is
+// beyond the network's own width is zero.
+struct Weights {
+    int width, layers;
+    const float *encode_in, *encode_out;            // (ROW, width), (width, width)
+    const float *factor_in, *factor_in_bias;        // (8, width), (width)
+    const float *factor_out, *factor_out_bias;      // (width, 2 width), (2 width)
+    const float *mix, *out;                         // of each layer (9 width, width), (width, width)
+    const float *decode_in, *decode_out;            // (width, width), (width, OUTPUT_ROOM)
+};
+
+// The neighbours of a particle. Kernels lie kernel by kernel: first eight of the near ones, then four of the far ones.
+struct Edges {
+    const float* kernels;
+    const int32_t* senders;
+    int32_t near, all;
+};
+
+// Particles sorted by cell. Cells are counted modulo the grid's size, so that any extent fits: what falls into the
+// same cell from far away is told apart by its distance.
+struct Cells {
+    int32_t size[3];
+    const int32_t* first;  // (cells + 1)
+    const int32_t* of;     // cell of each sorted particle
+};
+
+struct Frame {
+    int32_t count;
+    Constants constants;
+    Weights weights;
+    Cells cells;
+    const int32_t* order;        // sorted -> as the caller counts
+    const float *x, *y, *z;      // sorted, where ballistic motion goes; room for 16 more
+    const float* velocity;       // sorted, (count, 4), the last a one
+    // as the caller counts:
+    const float *positions, *velocities, *displacement, *velocity_change, *ahead, *distance, *normal;
+    float gravity[3], lower[3], upper[3];
+    float *new_positions, *new_velocities;
+    // sorted:
+    Edges* edges;
+    float* factors;              // (count, width), of the last hidden state
+    float* hidden[2];            // (count, width); a layer reads one and writes the other
+};
+
+// Memory that grows as it is asked for and is used again in the next step; each thread has its own.
+class Arena;
+void* take(Arena& arena, int64_t bytes);  // nullptr where there is none
+
+// One instruction set's way through a step.
+struct Path {
+    const char* name;
+    bool (*supported)();
+    int rows;                    // particles in a block
+    int64_t (*scratch)(const Frame&);  // floats that `look` and `layer` need
+    // Neighbours, kernels, features and encoder of sorted particles; how many edges, -1 where memory ran out.
+    int64_t (*look)(const Frame&, int32_t begin, int32_t end, Arena&, float* scratch);
+    // A layer; behind the last one the decoder and the new positions and velocities.
+    void (*layer)(const Frame&, int number, int32_t begin, int32_t end, float* scratch);
+};
+
+extern const Path avx512, avx2, plain;
+
+}  // namespace surfsup

@@ -1,0 +1,180 @@
+// A vector of as many floats as this translation unit's instruction set has lanes, and the few functions of it that
+// the step needs. It is compiled once a path, each time in that path's own namespace: nothing here may be shared.
+#pragma once
+
+#include <cstdint>
+#include <cstring>
+
+#if defined(__AVX512F__) || defined(__AVX2__)
+#include <immintrin.h>
+#endif
+
+namespace PATH {
+namespace {
+
+#if defined(__AVX512F__)
+constexpr int LANES = 16;
+constexpr int ROWS = 12;  // particles in a block of the products: 12 x 2 sums fit the 32 registers
+#elif defined(__AVX2__)
+constexpr int LANES = 8;
+constexpr int ROWS = 6;  // 6 x 2 sums fit the 16 registers
+#else
+constexpr int LANES = 4;
+constexpr int ROWS = 6;
+#endif
+
+typedef float Floats __attribute__((vector_size(4 * LANES)));
+typedef int32_t Ints __attribute__((vector_size(4 * LANES)));
+typedef float FourFloats __attribute__((vector_size(16)));
+
+inline Floats splat(float value) { return value - Floats{}; }
+
+inline Floats load(const float* from) {
+    Floats values;
+    std::memcpy(&values, from, sizeof values);
+    return values;
+}
+
+inline Ints load_ints(const int32_t* from) {
+    Ints values;
+    std::memcpy(&values, from, sizeof values);
+    return values;
+}
+
+inline FourFloats load_four(const float* from) {
+    FourFloats values;
+    std::memcpy(&values, from, sizeof values);
+    return values;
+}
+
+template <typename Vector>
+inline void store(void* to, Vector values) { std::memcpy(to, &values, sizeof values); }
+
+// The first `count` of the lanes.
+inline void store_first(float* to, Floats values, int count) {
+#if defined(__AVX512F__)
+    _mm512_mask_storeu_ps(to, static_cast<__mmask16>((1u << count) - 1u), (__m512)values);
+#else
+    float all[LANES];
+    store(all, values);
+    for (int lane = 0; lane < count; ++lane) to[lane] = all[lane];
+#endif
+}
+
+inline Floats square_root(Floats values) {
+#if defined(__AVX512F__)
+    return (Floats)_mm512_sqrt_ps((__m512)values);
+#elif defined(__AVX2__)
+    return (Floats)_mm256_sqrt_ps((__m256)values);
+#else
+    Floats roots = values;
+    for (int lane = 0; lane < LANES; ++lane) roots[lane] = __builtin_sqrtf(values[lane]);
+    return roots;
+#endif
+}
+
+// A comparison with NaN is false, so NaN stays NaN in both.
+inline Floats at_most(Floats values, float most) { return values > most ? splat(most) : values; }
+inline Floats at_least(Floats values, float least) { return values < least ? splat(least) : values; }
+
+inline Floats from_ints(Ints values) { return __builtin_convertvector(values, Floats); }
+
+// Nearest whole number of values that an int can hold, by the rounding of an addition.
+inline Floats rounded(Floats values) {
+    const Floats shift = splat(12582912.0f);  // 1.5 * 2^23
+    return (values + shift) - shift;
+}
+
+// e^x to 2e-7 of its size; beyond +-87 as at +-87.
+inline Floats exponential(Floats x) {
+    x = at_least(at_most(x, 87.0f), -87.0f);
+    const Floats whole = rounded(x * 1.44269504f);
+    const Floats rest = (x - whole * 0.693359375f) + whole * 2.12194440e-4f;
+    Floats sum = splat(1.9875691500e-4f);  // Cephes expf
+    sum = sum * rest + 1.3981999507e-3f;
+    sum = sum * rest + 8.3334519073e-3f;
+    sum = sum * rest + 4.1665795894e-2f;
+    sum = sum * rest + 1.6666665459e-1f;
+    sum = sum * rest + 5.0000001201e-1f;
+    sum = sum * rest * rest + rest + 1.0f;
+    const Ints power = (__builtin_convertvector(whole, Ints) + 127) << 23;
+    return sum * (Floats)power;
+}
+
+// ln(x) of normal x > 0 to 2e-7.
+inline Floats logarithm(Floats x) {
+    const Ints bits = (Ints)x;
+    Ints power = (bits >> 23) - 126;
+    Floats part = (Floats)((bits & 0x007fffff) | 0x3f000000);  // [0.5, 1)
+    const Ints low = part < 0.707106781f;                       // all ones where so
+    power += low;
+    part = (low ? part + part : part) - 1.0f;
+    const Floats square = part * part;
+    Floats sum = splat(7.0376836292e-2f);  // Cephes logf
+    sum = sum * part - 1.1514610310e-1f;
+    sum = sum * part + 1.1676998740e-1f;
+    sum = sum * part - 1.2420140846e-1f;
+    sum = sum * part + 1.4249322787e-1f;
+    sum = sum * part - 1.6668057665e-1f;
+    sum = sum * part + 2.0000714765e-1f;
+    sum = sum * part - 2.4999993993e-1f;
+    sum = sum * part + 3.3333331174e-1f;
+    const Floats exponent = from_ints(power);
+    const Floats result = part + (sum * part * square - 0.5f * square - exponent * 2.12194440e-4f);
+    // x - x is zero for every number, so what is no number stays none.
+    return result + exponent * 0.693359375f + (x - x);
+}
+
+inline Floats sigmoid(Floats x) { return 1.0f / (1.0f + exponential(-x)); }
+
+inline Floats silu(Floats x) { return x * sigmoid(x); }
+
+// asinh by ln(1 + u), which loses nothing where x is small; sizes above 1e18 as 1e18.
+inline Floats soft_limit(Floats x) {
+    const Floats size = at_most(x < 0.0f ? -x : x, 1e18f);
+    const Floats square = size * size;
+    const Floats u = size + square / (1.0f + square_root(square + 1.0f));
+    const Floats w = 1.0f + u;
+    const Floats limited = logarithm(w) + (u - (w - 1.0f)) / w;
+    return x < 0.0f ? -limited : limited;
+}
+
+// Where other particles are, seen from one: displacement and index; `x` and so on are lists with room.
+struct Places {
+    float *x, *y, *z;
+    int32_t* index;
+};
+
+// Appends the lanes that are set to lists of `length`, which must have room for LANES more; returns the new length.
+inline int64_t append(const Places& to, int64_t length, Ints set, Floats x, Floats y, Floats z, Ints index) {
+#if defined(__AVX512F__)
+    const __mmask16 mask = _mm512_movepi32_mask((__m512i)set);
+    _mm512_storeu_ps(to.x + length, _mm512_maskz_compress_ps(mask, (__m512)x));
+    _mm512_storeu_ps(to.y + length, _mm512_maskz_compress_ps(mask, (__m512)y));
+    _mm512_storeu_ps(to.z + length, _mm512_maskz_compress_ps(mask, (__m512)z));
+    _mm512_storeu_si512(to.index + length, _mm512_maskz_compress_epi32(mask, (__m512i)index));
+    return length + __builtin_popcount(mask);
+#else
+#if defined(__AVX2__)
+    unsigned mask = static_cast<unsigned>(_mm256_movemask_ps((__m256)set));
+#else
+    unsigned mask = 0;
+    for (int lane = 0; lane < LANES; ++lane) mask |= static_cast<unsigned>(set[lane] & 1) << lane;
+#endif
+    if (mask == 0) return length;
+    float places[3][LANES];
+    int32_t numbers[LANES];
+    store(places[0], x), store(places[1], y), store(places[2], z), store(numbers, index);
+    for (; mask; mask &= mask - 1, ++length) {
+        const int lane = __builtin_ctz(mask);
+        to.x[length] = places[0][lane];
+        to.y[length] = places[1][lane];
+        to.z[length] = places[2][lane];
+        to.index[length] = numbers[lane];
+    }
+    return length;
+#endif
+}
+
+}  // namespace
+}  // namespace PATH

@@ -1,0 +1,174 @@
+#include "network.hpp"
+
+#include <algorithm>
+#include <atomic>
+#include <new>
+#include <stdexcept>
+
+#include "threads.hpp"
+
+namespace surfsup {
+namespace {
+
+constexpr int MULTIPLE = 16;  // of channels: the widest path's lanes
+
+// Which column of features.py a place in a row of what acts holds: first what goes through the soft limit.
+std::vector<int> columns() {
+    std::vector<int> from(ROW, -1);
+    int place = 0;
+    for (int column = 0; column < 6; ++column) from[place++] = column;     // lag, change of velocity
+    for (int column = 23; column < 47; ++column) from[place++] = column;   // velocities against the own
+    place = LIMITED_ROOM;
+    for (int column = 6; column < 23; ++column) from[place++] = column;    // solid and walls
+    for (int column = 47; column < ACTIONS; ++column) from[place++] = column;  // crowding
+    return from;
+}
+
+// (outputs, inputs) -> rows of `to`: an input a row, `to_width` wide, at column `first`.
+void transpose(const Matrix& matrix, float* to, int64_t to_width, int64_t first = 0) {
+    for (int64_t input = 0; input < matrix.inputs; ++input)
+        for (int64_t output = 0; output < matrix.outputs; ++output)
+            to[input * to_width + first + output] = matrix.values[output * matrix.inputs + input];
+}
+
+void expect(const Matrix& matrix, int64_t outputs, int64_t inputs, const char* name) {
+    if (matrix.outputs != outputs || matrix.inputs != inputs)
+        throw std::invalid_argument(std::string(name) + " is (" + std::to_string(matrix.outputs) + ", " +
+                                    std::to_string(matrix.inputs) + "), but must be (" + std::to_string(outputs) +
+                                    ", " + std::to_string(inputs) + ")");
+}
+
+}  // namespace
+
+Network::Network(const Constants& constants, Matrix encode_in, Matrix encode_out, Matrix factor_in,
+                 const float* factor_in_bias, Matrix factor_out, const float* factor_out_bias,
+                 const std::vector<Layer>& layers, Matrix decode_in, Matrix decode_out)
+    : constants_(constants) {
+    const int64_t own = encode_in.outputs;
+    if (own < 1 || layers.empty()) throw std::invalid_argument("a network has at least one channel and one layer");
+    expect(encode_in, own, ACTIONS, "encoder.0");
+    expect(encode_out, own, own, "encoder.2");
+    expect(factor_in, own, KERNELS, "factors.0");
+    expect(factor_out, 2 * own, own, "factors.2");
+    expect(decode_in, own, own, "decoder.0");
+    expect(decode_out, OUTPUTS, own, "decoder.2");
+    for (const Layer& layer : layers) {
+        expect(layer.mix, KERNELS * own, own, "mix");
+        expect(layer.own, own, own, "own");
+        expect(layer.out, own, own, "out");
+    }
+    const int64_t width = (own + MULTIPLE - 1) / MULTIPLE * MULTIPLE;
+    width_ = static_cast<int>(width);
+    layers_ = static_cast<int>(layers.size());
+
+    encode_in_.assign(static_cast<size_t>(ROW * width), 0.0f);
+    const std::vector<int> from = columns();
+    for (int64_t place = 0; place < ROW; ++place)
+        for (int64_t output = 0; output < own && from[place] >= 0; ++output)
+            encode_in_[static_cast<size_t>(place * width + output)] = encode_in.values[output * ACTIONS + from[place]];
+    const auto square = [&](std::vector<float>& to, const Matrix& matrix) {
+        to.assign(static_cast<size_t>(width * width), 0.0f);
+        transpose(matrix, to.data(), width);
+    };
+    square(encode_out_, encode_out);
+    square(decode_in_, decode_in);
+    factor_in_.assign(static_cast<size_t>(KERNELS * width), 0.0f);
+    transpose(factor_in, factor_in_.data(), width);
+    factor_in_bias_.assign(static_cast<size_t>(width), 0.0f);
+    std::copy_n(factor_in_bias, own, factor_in_bias_.begin());
+    // The first and the last factors, each from a multiple of the lanes on.
+    factor_out_.assign(static_cast<size_t>(width * 2 * width), 0.0f);
+    factor_out_bias_.assign(static_cast<size_t>(2 * width), 0.0f);
+    for (int64_t half = 0; half < 2; ++half) {
+        transpose({factor_out.values + half * own * own, own, own}, factor_out_.data(), 2 * width, half * width);
+        std::copy_n(factor_out_bias + half * own, own, factor_out_bias_.begin() + half * width);
+    }
+    const int64_t depth = (KERNELS + 1) * width;
+    mix_.assign(static_cast<size_t>(layers_ * depth * width), 0.0f);
+    out_.assign(static_cast<size_t>(layers_ * width * width), 0.0f);
+    for (int64_t number = 0; number < layers_; ++number) {
+        const Layer& layer = layers[static_cast<size_t>(number)];
+        float* mix = mix_.data() + number * depth * width;
+        for (int64_t m = 0; m < KERNELS; ++m)
+            transpose({layer.mix.values + m * own * own, own, own}, mix + m * width * width, width);
+        transpose(layer.own, mix + KERNELS * width * width, width);
+        transpose(layer.out, out_.data() + number * width * width, width);
+    }
+    decode_out_.assign(static_cast<size_t>(width * OUTPUT_ROOM), 0.0f);
+    transpose(decode_out, decode_out_.data(), OUTPUT_ROOM);
+}
+
+int64_t Network::step(const Fluid& fluid, const Path& path, int threads, int64_t most_edges) {
+    const std::lock_guard<std::mutex> alone(stepping_);
+    const auto count = static_cast<size_t>(fluid.count);
+    if (count == 0) return 0;
+    const bool finite = cells_.sort(fluid.ahead, fluid.count, constants_.radius);
+    const int32_t* order = cells_.order();
+    for (auto* sorted : {&x_, &y_, &z_}) sorted->resize(count + MULTIPLE);
+    velocity_.resize(4 * count);
+    for (size_t i = 0; i < count; ++i) {
+        const size_t caller = static_cast<size_t>(order[i]);
+        x_[i] = fluid.ahead[3 * caller];
+        y_[i] = fluid.ahead[3 * caller + 1];
+        z_[i] = fluid.ahead[3 * caller + 2];
+        for (size_t axis = 0; axis < 3; ++axis) velocity_[4 * i + axis] = fluid.velocities[3 * caller + axis];
+        velocity_[4 * i + 3] = 1.0f;
+    }
+    const size_t cells = count * static_cast<size_t>(width_);
+    for (auto* values : {&factors_, &hidden_[0], &hidden_[1]}) values->resize(cells);
+    edges_.resize(count);
+
+    Frame frame{};
+    frame.count = fluid.count;
+    frame.constants = constants_;
+    frame.weights = {width_,      layers_,        encode_in_.data(), encode_out_.data(), factor_in_.data(),
+                     factor_in_bias_.data(), factor_out_.data(), factor_out_bias_.data(), mix_.data(), out_.data(),
+                     decode_in_.data(), decode_out_.data()};
+    frame.cells = cells_.cells();
+    frame.order = order;
+    frame.x = x_.data(), frame.y = y_.data(), frame.z = z_.data();
+    frame.velocity = velocity_.data();
+    frame.positions = fluid.positions, frame.velocities = fluid.velocities;
+    frame.displacement = fluid.displacement, frame.velocity_change = fluid.velocity_change;
+    frame.ahead = fluid.ahead, frame.distance = fluid.distance, frame.normal = fluid.normal;
+    for (int axis = 0; axis < 3; ++axis) {
+        frame.gravity[axis] = fluid.gravity[axis];
+        frame.lower[axis] = fluid.lower[axis];
+        frame.upper[axis] = fluid.upper[axis];
+    }
+    frame.new_positions = fluid.new_positions, frame.new_velocities = fluid.new_velocities;
+    frame.edges = edges_.data();
+    frame.factors = factors_.data();
+    frame.hidden[0] = hidden_[0].data(), frame.hidden[1] = hidden_[1].data();
+
+    const int most = threads > 1 && can_thread() ? threads : 1;
+    arenas_.resize(std::max(arenas_.size(), static_cast<size_t>(most)));
+    scratch_.resize(std::max(scratch_.size(), static_cast<size_t>(most)));
+    for (Arena& arena : arenas_) arena.reset();
+    for (auto& scratch : scratch_) scratch.resize(static_cast<size_t>(path.scratch(frame)));
+    std::atomic<int64_t> edges{0};
+    std::atomic<bool> enough{true};
+    const int32_t portion = 4 * path.rows;
+    in_parallel(most, fluid.count, portion, [&](int thread, int32_t begin, int32_t end) {
+        if (!enough || edges > most_edges) return;
+        const auto t = static_cast<size_t>(thread);
+        const int64_t found = path.look(frame, begin, end, arenas_[t], scratch_[t].data());
+        found < 0 ? void(enough = false) : void(edges += found);
+    });
+    if (!enough) throw std::bad_alloc();
+    if (edges > most_edges) return edges;
+    for (int number = 0; number < layers_; ++number)
+        in_parallel(most, fluid.count, portion, [&](int thread, int32_t begin, int32_t end) {
+            path.layer(frame, number, begin, end, scratch_[static_cast<size_t>(thread)].data());
+        });
+    return finite ? edges.load() : -1;
+}
+
+std::vector<const Path*> paths() {
+    std::vector<const Path*> found;
+    for (const Path* path : {&avx512, &avx2, &plain})
+        if (path->supported()) found.push_back(path);
+    return found;
+}
+
+}  // namespace surfsup

@@ -1,0 +1,62 @@
+// The network with its weights, and the memory of its steps.
+#pragma once
+
+#include <cstdint>
+#include <mutex>
+#include <string>
+#include <vector>
+
+#include "arena.hpp"
+#include "cells.hpp"
+#include "frame.hpp"
+
+namespace surfsup {
+
+// A matrix as torch keeps it: a row an output.
+struct Matrix {
+    const float* values;
+    int64_t outputs, inputs;
+};
+
+struct Layer {
+    Matrix mix, own, out;
+};
+
+// The fluid and what is around it; all but the three vectors are (count, 3), `distance` is (count).
+struct Fluid {
+    int32_t count;
+    const float *positions, *velocities, *displacement, *velocity_change, *ahead, *distance, *normal;
+    const float *gravity, *lower, *upper;
+    float *new_positions, *new_velocities;
+};
+
+class Network {
+public:
+    // Throws std::invalid_argument where sizes do not fit.
+    Network(const Constants& constants, Matrix encode_in, Matrix encode_out, Matrix factor_in, const float* factor_in_bias,
+            Matrix factor_out, const float* factor_out_bias, const std::vector<Layer>& layers, Matrix decode_in,
+            Matrix decode_out);
+
+    // One frame by `path` on up to `threads` threads. Returns the number of edges; with more than `most_edges` it
+    // stops there, and where a place ahead is not finite it returns -1. Throws std::bad_alloc.
+    int64_t step(const Fluid& fluid, const Path& path, int threads, int64_t most_edges);
+
+private:
+    Constants constants_;
+    int width_ = 0, layers_ = 0;
+    std::vector<float> encode_in_, encode_out_, factor_in_, factor_in_bias_, factor_out_, factor_out_bias_, mix_, out_,
+        decode_in_, decode_out_;
+
+    // Kept from step to step; a second caller waits.
+    std::mutex stepping_;
+    CellList cells_;
+    std::vector<float> x_, y_, z_, velocity_, factors_, hidden_[2];
+    std::vector<Edges> edges_;
+    std::vector<Arena> arenas_;
+    std::vector<std::vector<float>> scratch_;
+};
+
+// The paths that this processor can go, the fastest first.
+std::vector<const Path*> paths();
+
+}  // namespace surfsup

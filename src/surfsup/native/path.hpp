@@ -1,0 +1,410 @@
+// The step itself, compiled once a path.
+#pragma once
+
+#include "frame.hpp"
+#include "lanes.hpp"
+
+namespace PATH {
+namespace {
+
+using namespace surfsup;
+
+// sums[row][column] = sum over k of a[row][k] * w[k][column], for ROWS rows and VECTORS vectors of columns.
+template <int VECTORS>
+inline void multiply(const float* a, int64_t a_row, int depth, const float* w, int64_t w_row, Floats (&sums)[ROWS][VECTORS]) {
+#pragma GCC unroll 12
+    for (int row = 0; row < ROWS; ++row)
+#pragma GCC unroll 2
+        for (int v = 0; v < VECTORS; ++v) sums[row][v] = Floats{};
+    for (int k = 0; k < depth; ++k) {
+        Floats columns[VECTORS];
+#pragma GCC unroll 2
+        for (int v = 0; v < VECTORS; ++v) columns[v] = load(w + k * w_row + v * LANES);
+#pragma GCC unroll 12
+        for (int row = 0; row < ROWS; ++row) {
+            const Floats value = splat(a[row * a_row + k]);
+#pragma GCC unroll 2
+            for (int v = 0; v < VECTORS; ++v) sums[row][v] += value * columns[v];
+        }
+    }
+}
+
+// The product of a block of rows with all columns; `use` takes each vector of it: (row, column, values).
+template <int VECTORS, typename Use>
+inline void product_by(const float* a, int64_t a_row, int depth, const float* w, int columns, Use use) {
+    for (int column = 0; column < columns; column += VECTORS * LANES) {
+        Floats sums[ROWS][VECTORS];
+        multiply<VECTORS>(a, a_row, depth, w + column, columns, sums);
+#pragma GCC unroll 12
+        for (int row = 0; row < ROWS; ++row)
+#pragma GCC unroll 2
+            for (int v = 0; v < VECTORS; ++v) use(row, column + v * LANES, sums[row][v]);
+    }
+}
+
+template <typename Use>
+inline void product(const float* a, int64_t a_row, int depth, const float* w, int columns, Use use) {
+    if (columns % (2 * LANES) == 0)
+        product_by<2>(a, a_row, depth, w, columns, use);
+    else
+        product_by<1>(a, a_row, depth, w, columns, use);
+}
+
+// Sums over neighbours of VECTORS vectors of channels, for every kernel apart.
+template <int VECTORS>
+inline void gather(const Edges& edges, const float* hidden, int width, float* to) {
+    Floats sums[KERNELS][VECTORS];
+#pragma GCC unroll 8
+    for (int m = 0; m < KERNELS; ++m)
+#pragma GCC unroll 2
+        for (int v = 0; v < VECTORS; ++v) sums[m][v] = Floats{};
+    const float* kernel = edges.kernels;
+    const int64_t near = edges.near, far = edges.all - edges.near;
+    for (int64_t e = 0; e < near; ++e, ++kernel) {
+        const float* from = hidden + static_cast<int64_t>(edges.senders[e]) * width;
+        Floats values[VECTORS];
+#pragma GCC unroll 2
+        for (int v = 0; v < VECTORS; ++v) values[v] = load(from + v * LANES);
+#pragma GCC unroll 8
+        for (int m = 0; m < KERNELS; ++m) {
+            const Floats weight = splat(kernel[m * near]);
+#pragma GCC unroll 2
+            for (int v = 0; v < VECTORS; ++v) sums[m][v] += weight * values[v];
+        }
+    }
+    kernel = edges.kernels + KERNELS * near;
+    for (int64_t e = 0; e < far; ++e, ++kernel) {
+        const float* from = hidden + static_cast<int64_t>(edges.senders[near + e]) * width;
+        Floats values[VECTORS];
+#pragma GCC unroll 2
+        for (int v = 0; v < VECTORS; ++v) values[v] = load(from + v * LANES);
+#pragma GCC unroll 4
+        for (int m = 0; m < 4; ++m) {
+            const Floats weight = splat(kernel[m * far]);
+#pragma GCC unroll 2
+            for (int v = 0; v < VECTORS; ++v) sums[FAR_KERNELS[m]][v] += weight * values[v];
+        }
+    }
+#pragma GCC unroll 8
+    for (int m = 0; m < KERNELS; ++m)
+#pragma GCC unroll 2
+        for (int v = 0; v < VECTORS; ++v) store(to + m * width + v * LANES, sums[m][v]);
+}
+
+// Eight sums of as many vectors as fit the registers.
+#if defined(__AVX512F__)
+constexpr int GATHERED = 2;
+#else
+constexpr int GATHERED = 1;
+#endif
+
+inline int32_t wrapped(int32_t cell, int32_t size) { return cell < 0 ? cell + size : cell >= size ? cell - size : cell; }
+
+// Room for `count` places and a vector more.
+inline bool make_room(Arena& arena, int64_t count, Places& places) {
+    const int64_t room = (count + 2 * LANES - 1) / LANES * LANES;
+    auto* memory = static_cast<float*>(take(arena, 4 * 4 * room));
+    places = {memory, memory + room, memory + 2 * room, reinterpret_cast<int32_t*>(memory + 3 * room)};
+    return memory != nullptr;
+}
+
+// What a thread needs to look for neighbours: all that is in the 27 cells around one, those of it within the radius,
+// and these again, near ones first.
+struct Search {
+    int32_t cell = -1;
+    int64_t count = 0, room = -1;
+    Places candidates{}, within{}, sorted{};
+};
+
+// Copies what is in the cells around `cell`, filled up to whole vectors by what is infinitely far.
+inline bool see_cell(const Frame& frame, int32_t cell, Search& search, Arena& arena) {
+    const Cells& cells = frame.cells;
+    const int32_t nz = cells.size[2], ny = cells.size[1], nx = cells.size[0];
+    const int32_t cz = cell % nz, cy = cell / nz % ny, cx = cell / nz / ny;
+    int32_t begin[27], end[27];
+    int ranges = 0;
+    search.cell = cell;
+    search.count = 0;
+    const auto add = [&](int32_t first, int32_t last) {
+        begin[ranges] = cells.first[first], end[ranges] = cells.first[last + 1];
+        search.count += end[ranges] - begin[ranges];
+        if (begin[ranges] < end[ranges]) ++ranges;
+    };
+    for (int dx = -1; dx <= 1; ++dx)
+        for (int dy = -1; dy <= 1; ++dy) {
+            const int32_t row = (wrapped(cx + dx, nx) * ny + wrapped(cy + dy, ny)) * nz;
+            if (cz == 0) {
+                add(row + nz - 1, row + nz - 1);
+                add(row, row + 1);
+            } else if (cz == nz - 1) {
+                add(row + nz - 2, row + nz - 1);
+                add(row, row);
+            } else {
+                add(row + cz - 1, row + cz + 1);
+            }
+        }
+    if (search.count > search.room) {
+        search.room = 2 * search.count;
+        if (!make_room(arena, search.room, search.candidates) || !make_room(arena, search.room, search.within) ||
+            !make_room(arena, search.room, search.sorted))
+            return false;
+    }
+    const Places& to = search.candidates;
+    int64_t at = 0;
+    for (int r = 0; r < ranges; ++r) {
+        const int32_t size = end[r] - begin[r];
+        for (int32_t k = 0; k < size; k += LANES) {
+            Ints index;
+#pragma GCC unroll 16
+            for (int lane = 0; lane < LANES; ++lane) index[lane] = lane;
+            store(to.x + at + k, load(frame.x + begin[r] + k));
+            store(to.y + at + k, load(frame.y + begin[r] + k));
+            store(to.z + at + k, load(frame.z + begin[r] + k));
+            store(to.index + at + k, index + (begin[r] + k));
+        }
+        at += size;
+    }
+    store(to.x + at, splat(__builtin_inff()));
+    return true;
+}
+
+// Kernels of edges; `kept` says which of the eight are stored, each as a list of its own.
+template <int KEPT>
+inline void kernels_of(const Frame& frame, const Places& edges, int64_t first, int64_t count, const int (&kept)[KEPT], float* to) {
+    const float scale = 1.0f / frame.constants.radius, to_close = 1.0f / frame.constants.close;
+    for (int64_t e = 0; e < count; e += LANES) {
+        const Floats x = load(edges.x + first + e) * scale, y = load(edges.y + first + e) * scale;
+        const Floats z = load(edges.z + first + e) * scale;
+        const Floats distance = square_root(x * x + y * y + z * z);
+        const Floats wide = at_least(1.0f - distance, 0.0f);
+        const Floats close = at_least(1.0f - distance * to_close, 0.0f);
+        const Floats inverse = 1.0f / at_least(distance, 1e-6f);
+        const Floats along_wide = wide * inverse, along_close = close * inverse;
+        const Floats all[KERNELS] = {
+            wide * wide,    close * close,   along_wide * x,  along_wide * y,
+            along_wide * z, along_close * x, along_close * y, along_close * z,
+        };
+        const int here = count - e < LANES ? static_cast<int>(count - e) : LANES;
+#pragma GCC unroll 8
+        for (int m = 0; m < KEPT; ++m) store_first(to + m * count + e, all[kept[m]], here);
+    }
+}
+
+// Finds the neighbours of a sorted particle and their kernels.
+inline bool find_edges(const Frame& frame, int32_t i, const Search& search, Arena& arena) {
+    const float radius = frame.constants.radius, close = radius * frame.constants.close;
+    const Floats px = splat(frame.x[i]), py = splat(frame.y[i]), pz = splat(frame.z[i]);
+    int64_t edges = 0;
+    for (int64_t k = 0; k < search.count; k += LANES) {
+        const Floats x = load(search.candidates.x + k) - px, y = load(search.candidates.y + k) - py;
+        const Floats z = load(search.candidates.z + k) - pz;
+        const Ints index = load_ints(search.candidates.index + k);
+        const Ints within = (x * x + y * y + z * z <= radius * radius) & (index != i);
+        edges = append(search.within, edges, within, x, y, z, index);
+    }
+    const Places &all = search.within, &sorted = search.sorted;
+    Ints lane;
+#pragma GCC unroll 16
+    for (int l = 0; l < LANES; ++l) lane[l] = l;
+    int64_t nears = 0, length = 0;
+    for (int which = 0; which < 2; ++which) {
+        for (int64_t e = 0; e < edges; e += LANES) {
+            const Floats x = load(all.x + e), y = load(all.y + e), z = load(all.z + e);
+            const Ints near = x * x + y * y + z * z < close * close;
+            const Ints valid = lane < static_cast<int32_t>(edges - e < LANES ? edges - e : LANES);
+            length = append(sorted, length, valid & (which == 0 ? near : ~near), x, y, z, load_ints(all.index + e));
+        }
+        if (which == 0) nears = length;
+    }
+    const int64_t fars = edges - nears, floats = KERNELS * nears + 4 * fars;
+    auto* memory = static_cast<float*>(take(arena, 4 * (floats + edges)));
+    if (!memory) return false;
+    auto* senders = reinterpret_cast<int32_t*>(memory + floats);
+    std::memcpy(senders, sorted.index, 4 * static_cast<size_t>(edges));
+    kernels_of(frame, sorted, 0, nears, NEAR_KERNELS, memory);
+    kernels_of(frame, sorted, nears, fars, FAR_KERNELS, memory + KERNELS * nears);
+    frame.edges[i] = {memory, senders, static_cast<int32_t>(nears), static_cast<int32_t>(edges)};
+    return true;
+}
+
+// For every kernel the sum over neighbours of (velocity, 1).
+inline void sum_velocities(const Frame& frame, const Edges& edges, FourFloats (&sums)[KERNELS]) {
+    for (auto& sum : sums) sum = FourFloats{};
+    const int64_t near = edges.near, far = edges.all - edges.near;
+    const float* kernel = edges.kernels;
+    for (int64_t e = 0; e < near; ++e, ++kernel) {
+        const FourFloats value = load_four(frame.velocity + 4 * static_cast<int64_t>(edges.senders[e]));
+        for (int m = 0; m < KERNELS; ++m) sums[m] += kernel[m * near] * value;
+    }
+    kernel = edges.kernels + KERNELS * near;
+    for (int64_t e = 0; e < far; ++e, ++kernel) {
+        const FourFloats value = load_four(frame.velocity + 4 * static_cast<int64_t>(edges.senders[near + e]));
+        for (int m = 0; m < 4; ++m) sums[FAR_KERNELS[m]] += kernel[m * far] * value;
+    }
+}
+
+// 1 at contact, 0 from the reach on, at most 2 inside; NaN stays NaN.
+inline float nearness(const Frame& frame, float distance) {
+    const float value = 1.0f - distance * (1.0f / frame.constants.reach);
+    return value < 0.0f ? 0.0f : value > 2.0f ? 2.0f : value;
+}
+
+// How much faster a particle ends a frame than its displacement tells, in DISPLACEMENT_SCALE.
+inline float lag(const Frame& frame, int64_t caller, int axis) {
+    const Constants& c = frame.constants;
+    const float behind = c.frame_time * frame.velocities[3 * caller + axis] - frame.displacement[3 * caller + axis];
+    return (behind - c.fall_lag * frame.gravity[axis]) * (1.0f / c.displacement_scale);
+}
+
+// What acts on a sorted particle (ROW), its soft limit still to be taken, and how its neighbours lie (8); the order is that of `columns` in network.hpp.
+inline void observe(const Frame& frame, int32_t i, float* acts, float* lie) {
+    const Constants& c = frame.constants;
+    const int64_t caller = frame.order[i];
+    const float *velocity = frame.velocities + 3 * caller, *ahead = frame.ahead + 3 * caller;
+    const float *normal = frame.normal + 3 * caller, *change = frame.velocity_change + 3 * caller;
+    FourFloats sums[KERNELS];
+    sum_velocities(frame, frame.edges[i], sums);
+    for (int axis = 0; axis < 3; ++axis) {
+        acts[axis] = lag(frame, caller, axis);
+        acts[3 + axis] = (change[axis] - c.frame_time * frame.gravity[axis]) * (c.frame_time / c.displacement_scale);
+    }
+    for (int m = 0; m < KERNELS; ++m) {
+        lie[m] = sums[m][3];
+        for (int axis = 0; axis < 3; ++axis)
+            acts[6 + 3 * m + axis] = (sums[m][axis] - lie[m] * velocity[axis]) * (c.frame_time / c.displacement_scale);
+    }
+    acts[30] = acts[31] = 0.0f;
+
+    float* rest = acts + LIMITED_ROOM;
+    const float near_solid = nearness(frame, frame.distance[caller]);
+    const float from_solid = velocity[0] * normal[0] + velocity[1] * normal[1] + velocity[2] * normal[2];
+    rest[0] = near_solid;
+    for (int axis = 0; axis < 3; ++axis) rest[1 + axis] = near_solid * normal[axis];
+    rest[4] = near_solid * from_solid * (1.0f / c.velocity_scale);
+    for (int axis = 0; axis < 3; ++axis) {
+        const float low = nearness(frame, ahead[axis] - frame.lower[axis]);
+        const float high = nearness(frame, frame.upper[axis] - ahead[axis]);
+        rest[5 + axis] = low;
+        rest[8 + axis] = high;
+        rest[11 + axis] = low * velocity[axis] * (1.0f / c.velocity_scale);
+        rest[14 + axis] = high * -velocity[axis] * (1.0f / c.velocity_scale);
+    }
+    const float crowding = lie[1] - c.crowded < 0.0f ? 0.0f : lie[1] - c.crowded;
+    rest[17] = crowding;
+    for (int axis = 0; axis < 3; ++axis) rest[18 + axis] = crowding * lie[5 + axis];
+    for (int column = LIMITED_ROOM + 21; column < ROW; ++column) acts[column] = 0.0f;
+}
+
+int64_t look(const Frame& frame, int32_t begin, int32_t end, Arena& arena, float* scratch) {
+    const Weights& w = frame.weights;
+    const int width = w.width;
+    float *acts = scratch, *lie = acts + ROWS * ROW, *one = lie + ROWS * KERNELS, *factors = one + ROWS * width;
+    Search search;
+    int64_t edges = 0;
+    for (int32_t block = begin; block < end; block += ROWS) {
+        const int here = end - block < ROWS ? end - block : ROWS;
+        for (int row = 0; row < here; ++row) {
+            const int32_t i = block + row, cell = frame.cells.of[i];
+            if (cell != search.cell && !see_cell(frame, cell, search, arena)) return -1;
+            if (!find_edges(frame, i, search, arena)) return -1;
+            edges += frame.edges[i].all;
+            observe(frame, i, acts + row * ROW, lie + row * KERNELS);
+        }
+        for (int row = 0; row < here; ++row)
+            for (float* limited = acts + row * ROW; limited < acts + row * ROW + LIMITED_ROOM; limited += LANES)
+                store(limited, soft_limit(load(limited)));
+        product(lie, KERNELS, KERNELS, w.factor_in, width, [&](int row, int column, Floats sum) {
+            store(one + row * width + column, silu(sum + load(w.factor_in_bias + column)));
+        });
+        product(one, width, width, w.factor_out, 2 * width, [&](int row, int column, Floats sum) {
+            store(factors + row * 2 * width + column, 1.0f + (sum + load(w.factor_out_bias + column)));
+        });
+        product(acts, ROW, ROW, w.encode_in, width, [&](int row, int column, Floats sum) {
+            store(one + row * width + column, silu(sum));
+        });
+        product(one, width, width, w.encode_out, width, [&](int row, int column, Floats sum) {
+            if (row >= here) return;
+            const int64_t at = static_cast<int64_t>(block + row) * width + column;
+            const float* factor = factors + row * 2 * width + column;
+            store(frame.hidden[0] + at, sum * load(factor));
+            store(frame.factors + at, load(factor + width));
+        });
+    }
+    return edges;
+}
+
+// The network's answer for a sorted particle, added to ballistic motion.
+inline void advance(const Frame& frame, int32_t i, float* out) {
+    const Constants& c = frame.constants;
+    const int64_t caller = frame.order[i];
+    float gates[OUTPUT_ROOM];
+    for (int first = 0; first < OUTPUT_ROOM; first += LANES) store(gates + first, sigmoid(load(out + first)));
+    for (int axis = 0; axis < 3; ++axis) {
+        const float late = lag(frame, caller, axis);
+        const float velocity = out[axis] + 2.0f * gates[6] * late;
+        const float position = c.position_share * velocity + 0.3f * out[3 + axis] + (gates[7] - 0.5f) * late;
+        const int64_t at = 3 * caller + axis;
+        frame.new_positions[at] = frame.ahead[at] + c.displacement_scale * position;
+        frame.new_velocities[at] = frame.velocities[at] + c.frame_time * frame.gravity[axis] +
+                                   c.displacement_scale / c.frame_time * velocity;
+    }
+}
+
+void decode(const Frame& frame, int32_t block, int here, const float* hidden, float* scratch) {
+    const Weights& w = frame.weights;
+    const int width = w.width;
+    float *scaled = scratch, *one = scaled + ROWS * width, *out = one + ROWS * width;
+    for (int row = 0; row < here; ++row)
+        for (int column = 0; column < width; column += LANES)
+            store(scaled + row * width + column,
+                  load(hidden + row * width + column) *
+                      load(frame.factors + static_cast<int64_t>(block + row) * width + column));
+    product(scaled, width, width, w.decode_in, width, [&](int row, int column, Floats sum) {
+        store(one + row * width + column, silu(sum));
+    });
+    product(one, width, width, w.decode_out, OUTPUT_ROOM, [&](int row, int column, Floats sum) {
+        store(out + row * OUTPUT_ROOM + column, sum);
+    });
+    for (int row = 0; row < here; ++row) advance(frame, block + row, out + row * OUTPUT_ROOM);
+}
+
+void layer(const Frame& frame, int number, int32_t begin, int32_t end, float* scratch) {
+    const Weights& w = frame.weights;
+    const int width = w.width, depth = (KERNELS + 1) * width;
+    const float* mix = w.mix + static_cast<int64_t>(number) * depth * width;
+    const float* out = w.out + static_cast<int64_t>(number) * width * width;
+    const float* hidden = frame.hidden[number % 2];
+    float* next = frame.hidden[1 - number % 2];
+    const bool last = number == w.layers - 1;
+    float *sums = scratch, *one = sums + ROWS * depth, *rest = one + ROWS * width;
+    for (int32_t block = begin; block < end; block += ROWS) {
+        const int here = end - block < ROWS ? end - block : ROWS;
+        for (int row = 0; row < here; ++row) {
+            const Edges& edges = frame.edges[block + row];
+            float* to = sums + static_cast<int64_t>(row) * depth;
+            int column = 0;
+            for (; column + GATHERED * LANES <= width; column += GATHERED * LANES)
+                gather<GATHERED>(edges, hidden + column, width, to + column);
+            for (; column < width; column += LANES) gather<1>(edges, hidden + column, width, to + column);
+            std::memcpy(to + KERNELS * width, hidden + static_cast<int64_t>(block + row) * width, 4 * static_cast<size_t>(width));
+        }
+        product(sums, depth, depth, mix, width, [&](int row, int column, Floats sum) {
+            store(one + row * width + column, silu(sum));
+        });
+        product(one, width, width, out, width, [&](int row, int column, Floats sum) {
+            if (row >= here) return;
+            const int64_t at = static_cast<int64_t>(block + row) * width + column;
+            store(next + at, load(hidden + at) + sum);
+        });
+        if (last) decode(frame, block, here, next + static_cast<int64_t>(block) * width, rest);
+    }
+}
+
+int64_t scratch(const Frame& frame) {
+    const int64_t width = frame.weights.width;
+    const int64_t to_look = ROW + KERNELS + 3 * width, to_layer = (KERNELS + 1 + 1 + 2) * width + OUTPUT_ROOM;
+    return ROWS * (to_look > to_layer ? to_look : to_layer);
+}
+
+}  // namespace
+}  // namespace PATH

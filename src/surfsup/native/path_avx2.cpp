@@ -1,0 +1,12 @@
+// For processors with AVX2 and FMA.
+#define PATH path_avx2
+#include "path.hpp"
+
+namespace surfsup {
+#if defined(__AVX2__)
+static bool supported() { return __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma"); }
+#else
+static bool supported() { return false; }  // not a processor of that kind at all
+#endif
+const Path avx2 = {"avx2", supported, PATH::ROWS, PATH::scratch, PATH::look, PATH::layer};
+}  // namespace surfsup

@@ -1,0 +1,15 @@
+// For processors with AVX-512: F, BW, DQ and VL.
+#define PATH path_avx512
+#include "path.hpp"
+
+namespace surfsup {
+#if defined(__AVX512F__)
+static bool supported() {
+    return __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512bw") &&
+           __builtin_cpu_supports("avx512dq") && __builtin_cpu_supports("avx512vl") && __builtin_cpu_supports("fma");
+}
+#else
+static bool supported() { return false; }  // not a processor of that kind at all
+#endif
+const Path avx512 = {"avx512", supported, PATH::ROWS, PATH::scratch, PATH::look, PATH::layer};
+}  // namespace surfsup

@@ -1,0 +1,8 @@
+// For every processor.
+#define PATH path_plain
+#include "path.hpp"
+
+namespace surfsup {
+static bool supported() { return true; }
+const Path plain = {"plain", supported, PATH::ROWS, PATH::scratch, PATH::look, PATH::layer};
+}  // namespace surfsup

@@ -1,0 +1,237 @@
+import copy
+from dataclasses import replace
+
+import pytest
+import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from surfsup import native
+from surfsup.errors import SimulationError
+from surfsup.model import weights
+from surfsup.model.features import DISPLACEMENT_SCALE
+from surfsup.model.native_step import NativeStep
+from surfsup.model.simulator import POSITION_SHARE, Architecture, Simulator
+from surfsup.model.state import FRAME_TIME, State, Surroundings
+from surfsup.sdf import Box, Sphere, Surface, Transformed
+
+pytestmark = pytest.mark.skipif(
+    not native.paths(), reason="the package was built without a compiler, so there is no native step"
+)
+
+GRAVITY = torch.tensor([0.0, 0.0, -9.81])
+BALL = Transformed(Sphere(0.3), None, (0.0, 0.0, 0.3))
+every_path = pytest.mark.parametrize("path", native.paths())
+
+
+def around(surface: Surface | None = None, gravity: torch.Tensor = GRAVITY) -> Surroundings:
+    return Surroundings(surface, torch.tensor([-0.5, -0.5, 0.0]), torch.tensor([0.5, 0.5, 2.0]), gravity)
+
+
+def model(seed: int = 0, width: int = 32, layers: int = 5, **sizes) -> Simulator:
+    torch.manual_seed(seed)
+    made = Simulator(Architecture(width=width, layers=layers, **sizes)).requires_grad_(False)
+    torch.nn.init.normal_(made.network.decoder[-1].weight, std=0.1)
+    return made
+
+
+def stirred(count: int, seed: int = 0, low: float = 0.62, side: float = 0.2) -> State:
+    """Water in a cube, its parts as unlike each other as they are after an impact."""
+    random = torch.Generator().manual_seed(seed)
+
+    def draw(size: float) -> torch.Tensor:
+        return size * torch.randn(count, 3, generator=random)
+
+    positions = torch.rand(count, 3, generator=random) * side + torch.tensor([0.0, 0.0, low])
+    velocities = draw(1.0)
+    return State(positions, velocities, FRAME_TIME * velocities + draw(1e-3), draw(0.3))
+
+
+def moved(state: State, *by: float) -> State:
+    return replace(state, positions=state.positions + torch.tensor(by))
+
+
+def by_torch(simulator: Simulator, state: State, place: Surroundings) -> tuple[torch.Tensor, torch.Tensor]:
+    seen = simulator.observe(state, place)
+    return simulator.advance(seen, simulator.correct(seen))
+
+
+def take(simulator: Simulator, state: State, place: Surroundings, path: str) -> tuple[torch.Tensor, torch.Tensor]:
+    return NativeStep(POSITION_SHARE, path).take(simulator, state, place)
+
+
+def assert_equal(ours: tuple[torch.Tensor, torch.Tensor], simulator: Simulator, state: State, place: Surroundings):
+    """Within 1e-4 of a correction's unit, but for the rounding of the positions themselves."""
+    positions, velocities = by_torch(simulator, state, place)
+    size = 1 + (velocities - state.velocities).abs().max() * FRAME_TIME / DISPLACEMENT_SCALE
+    unit = 1e-4 * DISPLACEMENT_SCALE * float(size)
+    torch.testing.assert_close(ours[1] * FRAME_TIME, velocities * FRAME_TIME, atol=unit, rtol=2e-7)
+    torch.testing.assert_close(ours[0], positions, atol=unit + 1.2e-7, rtol=2e-7)
+
+
+@every_path
+@given(seed=st.integers(0, 2**32 - 1), count=st.integers(1, 400), side=st.floats(0.08, 1.0))
+@settings(max_examples=20)
+def test_it_equals_torch_on_random_states_beside_a_solid(path, seed, count, side):
+    simulator, state = model(), stirred(count, seed, side=side)
+    assert_equal(take(simulator, state, around(BALL), path), simulator, state, around(BALL))
+
+
+@every_path
+@pytest.mark.parametrize("place", ["nothing", "floor", "corner", "tilted", "inside a solid"])
+def test_it_equals_torch_wherever_the_water_is(path, place):
+    state, surroundings = {
+        "nothing": (stirred(300), around()),
+        "floor": (stirred(300, low=0.02), around()),
+        "corner": (moved(stirred(300), -0.52, -0.52, -0.65), around()),
+        "tilted": (stirred(300), around(BALL, torch.tensor([3.0, 0.0, -5.0]))),
+        "inside a solid": (stirred(300, low=0.3), around(Transformed(Box((0.4, 0.4, 0.4)), None, (0.0, 0.0, 0.4)))),
+    }[place]
+    simulator = model()
+    assert_equal(take(simulator, state, surroundings, path), simulator, state, surroundings)
+
+
+@every_path
+@pytest.mark.parametrize(("width", "layers"), [(8, 1), (16, 2), (24, 3), (32, 5), (40, 1), (48, 2), (64, 4), (7, 2)])
+def test_any_width_and_any_number_of_layers(path, width, layers):
+    simulator, state = model(width=width, layers=layers), stirred(150)
+    assert_equal(take(simulator, state, around(BALL), path), simulator, state, around(BALL))
+
+
+@every_path
+def test_another_radius(path):
+    simulator, state = model(radius=0.045), stirred(300)
+    assert_equal(take(simulator, state, around(), path), simulator, state, around())
+
+
+@every_path
+def test_nothing_one_and_two_particles(path):
+    for count in (0, 1, 2):
+        simulator, state = model(), stirred(count, side=0.02)
+        positions, velocities = take(simulator, state, around(BALL), path)
+        assert positions.shape == velocities.shape == (count, 3)
+        if count:
+            assert_equal((positions, velocities), simulator, state, around(BALL))
+
+
+@every_path
+def test_particles_on_top_of_each_other(path):
+    simulator, one = model(), stirred(1)
+    state = State(*(value.repeat(100, 1) for value in vars(one).values()))
+    assert_equal(take(simulator, state, around(), path), simulator, state, around())
+
+
+@every_path
+def test_a_collapse_ends_with_one_line(path):
+    state = stirred(3000, side=0.01)
+    with pytest.raises(SimulationError, match="the simulation collapsed"):
+        take(model(), state, around(), path)
+
+
+@every_path
+@pytest.mark.parametrize("far", [3.0, 1e3, 1e6, 1e9])
+def test_particles_far_apart(path, far):
+    here, there = stirred(80), stirred(80, 1)
+    there = moved(there, far, -far, far)
+    both = State(*(torch.cat(pair) for pair in zip(vars(here).values(), vars(there).values(), strict=True)))
+    if far <= 1e3:  # beyond, positions are too coarse to be compared
+        assert_equal(take(model(), both, around(), path), model(), both, around())
+    ours = take(model(), both, around(), path)
+    alone = take(model(), here, around(), path)
+    torch.testing.assert_close(ours[0][:80], alone[0], atol=1e-6, rtol=0)
+    assert torch.isfinite(ours[0]).all()
+
+
+@every_path
+def test_a_particle_s_answer_does_not_depend_on_the_order_nor_on_the_threads(path):
+    simulator, state = model(), stirred(2000, side=0.4)
+    mixed = torch.randperm(2000, generator=torch.Generator().manual_seed(3))
+    threads = torch.get_num_threads()
+    answers = {}
+    try:
+        for count in (1, 2):
+            torch.set_num_threads(count)
+            answers[count] = take(simulator, state, around(BALL), path)
+    finally:
+        torch.set_num_threads(threads)
+    assert torch.equal(answers[1][0], answers[2][0])
+    assert torch.equal(answers[1][1], answers[2][1])
+    again = take(simulator, State(*(value[mixed] for value in vars(state).values())), around(BALL), path)
+    torch.testing.assert_close(again[1], answers[1][1][mixed], atol=1e-5, rtol=1e-5)
+
+
+@every_path
+@pytest.mark.parametrize("broken", [float("nan"), float("inf")])
+def test_what_is_no_number_harms_only_those_that_see_it(path, broken):
+    here, there = stirred(60), stirred(60, 1, low=1.5)
+    state = State(*(torch.cat(pair) for pair in zip(vars(here).values(), vars(there).values(), strict=True)))
+    simulator = model()
+    whole = take(simulator, state, around(BALL), path)
+    state.positions[3, 1] = broken
+    with pytest.raises(SimulationError, match="not a finite number"):
+        take(simulator, state, around(BALL), path)
+    # The last displacement is not looked at beforehand: the answer has no number where it reaches.
+    state.positions[3, 1] = 0.1
+    state.displacement[3, 1] = broken
+    positions, velocities = take(simulator, state, around(BALL), path)
+    assert not torch.isfinite(positions[3]).all()
+    assert torch.equal(positions[60:], whole[0][60:])
+    assert torch.equal(velocities[60:], whole[1][60:])
+
+
+def test_a_rollout_of_twenty_frames_stays_with_torch_s():
+    simulator, _ = weights.load(weights.find("first"))
+    grid = torch.cartesian_prod(*[torch.arange(8) * 0.03] * 3) + torch.tensor([-0.1, -0.1, 0.64])
+    place = around(BALL)
+    state = simulator.start(grid, torch.zeros_like(grid) + torch.tensor([0.0, 0.0, -2.0]), place)
+    ours = [now.positions for now, _ in simulator.rollout(state, place, 21)]
+    simulator.native.path = ""
+    theirs = [now.positions for now, _ in simulator.rollout(state, place, 21)]
+    assert not torch.equal(ours[-1], theirs[-1])  # both ways were gone
+    assert (ours[-1] - theirs[-1]).abs().max() < 0.05 * DISPLACEMENT_SCALE
+
+
+def test_new_weights_are_used_at_once():
+    simulator, state = model(), stirred(100)
+    with torch.no_grad():
+        first, _ = simulator.step(state, around())
+        simulator.network.layers[0].mix.weight.mul_(0.5)
+        halved, _ = simulator.step(state, around())
+        simulator.load_state_dict(model(seed=1).state_dict())
+        loaded, _ = simulator.step(state, around())
+        fresh, _ = model(seed=1).step(state, around())
+        twin = copy.deepcopy(simulator)
+        copied, _ = twin.step(state, around())
+    assert not torch.equal(first.positions, halved.positions)
+    assert torch.equal(loaded.positions, fresh.positions)
+    assert torch.equal(copied.positions, fresh.positions)
+
+
+def test_torch_takes_over_where_a_gradient_or_more_precision_is_wanted():
+    simulator, state, place = model(), stirred(30), around(BALL)
+    can = simulator.native.can_take
+    assert not can(state, place, simulator.network)  # gradients are being recorded
+    with torch.no_grad():
+        assert can(state, place, simulator.network)
+        double = State(*(value.double() for value in vars(state).values()))
+        assert not can(double, place, simulator.network)
+        assert not can(state, place, simulator.network.double())
+        assert not can(state, around(BALL, GRAVITY.expand(30, 3)), model().network)
+
+
+def test_sizes_that_do_not_fit_are_refused():
+    simulator, state, place = model(), stirred(10), around()
+    network = simulator.native.network_of(simulator)
+    array = {name: value.numpy() for name, value in vars(state).items()}
+    rest = {
+        "ahead": state.positions.numpy(),
+        "distance": torch.zeros(9).numpy(),
+        "normal": state.positions.numpy(),
+        **{name: getattr(place, name).numpy() for name in ("gravity", "lower", "upper")},
+        "new_positions": state.positions.clone().numpy(),
+        "new_velocities": state.positions.clone().numpy(),
+    }
+    with pytest.raises(ValueError, match="distance has 9 rows for 10 particles"):
+        network.step(**array, **rest, path=native.paths()[0], threads=1, most_edges=1000)
+    with pytest.raises(ValueError, match="cannot go the path 'cray'"):
+        network.step(**array, **{**rest, "distance": torch.zeros(10).numpy()}, path="cray", threads=1, most_edges=1000)
