@@ -1,0 +1,33 @@
+"""Our network for ``benchmarks/peers.py``."""
+
+import os
+import sys
+
+import numpy as np
+import torch
+from timing import tell
+
+from surfsup.model.message_passing.architecture import SIZES
+from surfsup.model.message_passing.graph import EdgeGraph
+from surfsup.model.message_passing.network import MessagePassingNetwork
+from surfsup.model.neighbours import Neighbourhood
+
+torch.set_num_threads(int(os.environ["OMP_NUM_THREADS"]))
+given = {name: torch.from_numpy(values) for name, values in np.load(sys.argv[1]).items()}
+graph = EdgeGraph(Neighbourhood(given["starts"], given["receivers"], given["senders"]), given["edges"])
+network = MessagePassingNetwork(given["nodes"].shape[1], 3, **SIZES["paper"])
+
+
+@torch.no_grad()
+def forward() -> None:
+    """A pass without gradients."""
+    network(given["nodes"], graph)
+
+
+def both() -> None:
+    """A pass with all gradients."""
+    network.zero_grad()
+    network(given["nodes"], graph).square().mean().backward()
+
+
+tell(forward, both, f"torch {torch.__version__}")
