@@ -7,6 +7,23 @@ Matrix = Bias = Vectors = Values = Vector = np.ndarray
 def paths() -> list[str]:
     """Instruction sets that this processor has and the step is compiled for, the fastest first."""
 
+class Solid:
+    """A solid whose distance has a closed form; ``parts`` are copied."""
+
+    def __init__(self, kind: str, numbers: list[float], parts: list[Solid]) -> None:
+        """Check the kind and what it is made of.
+
+        Raises:
+            ValueError: there is no such kind, or it has other numbers or parts.
+        """
+
+    def look(self, points: Vectors, distance: Values, normal: Vectors, threads: int) -> None:
+        """Write the signed distance (N,) and the unit normal (N, 3) of ``points`` (N, 3), all float32.
+
+        Raises:
+            ValueError: sizes do not fit.
+        """
+
 class Network:
     """The convolution's network, its weights copied, and the memory of its steps."""
 

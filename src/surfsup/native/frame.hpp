@@ -3,6 +3,8 @@
 
 #include <cstdint>
 
+#include "tree.hpp"
+
 namespace surfsup {
 
 constexpr int KERNELS = 8;
@@ -82,6 +84,8 @@ struct Path {
     int64_t (*look)(const Frame&, int32_t begin, int32_t end, Arena&, float* scratch);
     // A layer; behind the last one the decoder and the new positions and velocities.
     void (*layer)(const Frame&, int number, int32_t begin, int32_t end, float* scratch);
+    // Signed distance and unit normal of points begin to end.
+    void (*distance)(const Tree&, const float* points, int32_t begin, int32_t end, float* distance, float* normal);
 };
 
 extern const Path avx512, avx2, plain;

@@ -10,6 +10,7 @@
 #include <tuple>
 
 #include "network.hpp"
+#include "solid.hpp"
 
 namespace nb = nanobind;
 using namespace nb::literals;
@@ -21,6 +22,7 @@ using Bias = nb::ndarray<const float, nb::ndim<1>, nb::c_contig, nb::device::cpu
 using Vectors = nb::ndarray<const float, nb::shape<-1, 3>, nb::c_contig, nb::device::cpu>;
 using NewVectors = nb::ndarray<float, nb::shape<-1, 3>, nb::c_contig, nb::device::cpu>;
 using Values = nb::ndarray<const float, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
+using NewValues = nb::ndarray<float, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
 using Vector = nb::ndarray<const float, nb::shape<3>, nb::c_contig, nb::device::cpu>;
 
 surfsup::Matrix matrix(const Weight& weight) {
@@ -76,6 +78,16 @@ int64_t step(surfsup::Network& network, Vectors positions, Vectors velocities, V
     return network.step(fluid, chosen, threads, most_edges);
 }
 
+void look(const surfsup::Solid& solid, Vectors points, NewValues distance, NewVectors normal, int threads) {
+    const size_t count = points.shape(0);
+    if (count > static_cast<size_t>(std::numeric_limits<int32_t>::max() - 4096))
+        throw std::invalid_argument("there are more points than a native solid can count");
+    expect(distance.shape(0), count, "distance");
+    expect(normal.shape(0), count, "normal");
+    const nb::gil_scoped_release unlocked;
+    solid.look(points.data(), static_cast<int32_t>(count), distance.data(), normal.data(), threads);
+}
+
 }  // namespace
 
 NB_MODULE(_native, module) {
@@ -84,6 +96,10 @@ NB_MODULE(_native, module) {
         for (const surfsup::Path* path : surfsup::paths()) names.emplace_back(path->name);
         return names;
     });
+    nb::class_<surfsup::Solid>(module, "Solid")
+        .def(nb::init<const std::string&, const std::vector<float>&, const std::vector<const surfsup::Solid*>&>(), "kind"_a,
+             "numbers"_a, "parts"_a)
+        .def("look", look, "points"_a, "distance"_a, "normal"_a, "threads"_a);
     nb::class_<surfsup::Network>(module, "Network")
         .def("__init__", make, nb::kw_only(), "encoder"_a, "factors"_a, "layers"_a, "decoder"_a, "radius"_a, "close"_a,
              "frame_time"_a, "fall_lag"_a, "reach"_a, "displacement_scale"_a, "velocity_scale"_a, "crowded"_a,

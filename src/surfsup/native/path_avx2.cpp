@@ -1,6 +1,7 @@
 // For processors with AVX2 and FMA.
 #define PATH path_avx2
 #include "path.hpp"
+#include "solid_path.hpp"
 
 namespace surfsup {
 #if defined(__AVX2__)
@@ -8,5 +9,5 @@ static bool supported() { return __builtin_cpu_supports("avx2") && __builtin_cpu
 #else
 static bool supported() { return false; }  // not a processor of that kind at all
 #endif
-const Path avx2 = {"avx2", supported, PATH::ROWS, PATH::scratch, PATH::look, PATH::layer};
+const Path avx2 = {"avx2", supported, PATH::ROWS, PATH::scratch, PATH::look, PATH::layer, PATH::distance};
 }  // namespace surfsup

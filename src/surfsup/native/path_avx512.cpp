@@ -1,6 +1,7 @@
 // For processors with AVX-512: F, BW, DQ and VL.
 #define PATH path_avx512
 #include "path.hpp"
+#include "solid_path.hpp"
 
 namespace surfsup {
 #if defined(__AVX512F__)
@@ -11,5 +12,5 @@ static bool supported() {
 #else
 static bool supported() { return false; }  // not a processor of that kind at all
 #endif
-const Path avx512 = {"avx512", supported, PATH::ROWS, PATH::scratch, PATH::look, PATH::layer};
+const Path avx512 = {"avx512", supported, PATH::ROWS, PATH::scratch, PATH::look, PATH::layer, PATH::distance};
 }  // namespace surfsup

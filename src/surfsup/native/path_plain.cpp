@@ -1,8 +1,9 @@
 // For every processor.
 #define PATH path_plain
 #include "path.hpp"
+#include "solid_path.hpp"
 
 namespace surfsup {
 static bool supported() { return true; }
-const Path plain = {"plain", supported, PATH::ROWS, PATH::scratch, PATH::look, PATH::layer};
+const Path plain = {"plain", supported, PATH::ROWS, PATH::scratch, PATH::look, PATH::layer, PATH::distance};
 }  // namespace surfsup

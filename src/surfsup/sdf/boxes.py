@@ -5,6 +5,7 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
+from surfsup import native
 from surfsup.errors import InputError
 from surfsup.sdf.primitives import length
 from surfsup.sdf.surface import Surface
@@ -54,6 +55,11 @@ class Boxes(Surface):
         inward = torch.maximum(torch.maximum(*beyond[:2]), beyond[2]).clamp_(max=0)
         squared = sum(one.clamp_(min=0).square_() for one in beyond)
         return squared.sqrt_() + inward
+
+    def native_solid(self) -> native.Solid:
+        """The same in C++."""
+        numbers = torch.cat([self.size, self.rotation.flatten(1), self.centre], dim=1)
+        return native.Solid("boxes", numbers.flatten().tolist(), [])
 
     def bounds(self) -> Tensor:
         """The tightest box around all of them (2, 3)."""

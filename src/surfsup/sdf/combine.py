@@ -6,9 +6,12 @@ intersections and differences, it is only a bound (never too large in size), wit
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import torch
 from torch import Tensor, nn
 
+from surfsup import native
 from surfsup.errors import InputError
 from surfsup.sdf.surface import Surface
 
@@ -23,6 +26,10 @@ class Union(Surface):
     def distance(self, points: Tensor) -> Tensor:
         """The smallest of the parts' distances (N,)."""
         return torch.stack([part.distance(points) for part in self.parts]).amin(dim=0)
+
+    def native_solid(self) -> native.Solid | None:
+        """The same in C++, if all parts have that."""
+        return native_of("union", self.parts)
 
     @property
     def exact_outside(self) -> bool:
@@ -46,6 +53,10 @@ class Intersection(Surface):
         """The largest of the parts' distances (N,)."""
         return torch.stack([part.distance(points) for part in self.parts]).amax(dim=0)
 
+    def native_solid(self) -> native.Solid | None:
+        """The same in C++, if all parts have that."""
+        return native_of("intersection", self.parts)
+
     @property
     def exact_outside(self) -> bool:
         """No: beside an edge where two parts meet the distance is larger."""
@@ -68,6 +79,10 @@ class Difference(Surface):
         """Distance to what is inside ``base`` and outside ``cut`` (N,)."""
         return torch.maximum(self.base.distance(points), -self.cut.distance(points))
 
+    def native_solid(self) -> native.Solid | None:
+        """The same in C++, if all parts have that."""
+        return native_of("difference", (self.base, self.cut))
+
     @property
     def exact_outside(self) -> bool:
         """No: beside an edge that was cut the distance is larger."""
@@ -76,6 +91,12 @@ class Difference(Surface):
     def bounds(self) -> Tensor:
         """The box of ``base`` (2, 3)."""
         return self.base.bounds()
+
+
+def native_of(operation: str, parts: Iterable[Surface]) -> native.Solid | None:
+    """The native solid of an operation on ``parts``; None where one of them has none."""
+    solids = [part.native_solid() for part in parts]
+    return None if None in solids else native.Solid(operation, [], solids)
 
 
 def at_least_one(operation: str, parts: tuple[Surface, ...]) -> nn.ModuleList:

@@ -10,6 +10,7 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
+from surfsup import native
 from surfsup.errors import InputError
 from surfsup.sdf.surface import Surface
 
@@ -24,6 +25,10 @@ class Sphere(Surface):
     def distance(self, points: Tensor) -> Tensor:
         """Exact signed distance (N,)."""
         return length(points) - self.radius
+
+    def native_solid(self) -> native.Solid:
+        """The same in C++."""
+        return native.Solid("sphere", [float(self.radius)], [])
 
     def bounds(self) -> Tensor:
         """The cube around the ball (2, 3)."""
@@ -42,6 +47,10 @@ class Box(Surface):
         beyond = points.abs() - (self.size / 2).to(points.dtype)
         return length(beyond.clamp(min=0)) + beyond.amax(dim=-1).clamp(max=0)
 
+    def native_solid(self) -> native.Solid:
+        """The same in C++."""
+        return native.Solid("box", self.size.tolist(), [])
+
     def bounds(self) -> Tensor:
         """The box itself (2, 3)."""
         return symmetric_bounds(*(self.size / 2))
@@ -59,6 +68,10 @@ class Cylinder(Surface):
         """Exact signed distance (N,)."""
         beyond = torch.stack([length(points[:, :2]) - self.radius, points[:, 2].abs() - self.height / 2], dim=-1)
         return length(beyond.clamp(min=0)) + beyond.amax(dim=-1).clamp(max=0)
+
+    def native_solid(self) -> native.Solid:
+        """The same in C++."""
+        return native.Solid("cylinder", [float(self.radius), float(self.height)], [])
 
     def bounds(self) -> Tensor:
         """The box around the cylinder (2, 3)."""
@@ -100,6 +113,10 @@ class CappedCone(Surface):
         to_top = length(torch.stack([beyond_top, above_top], dim=-1))
         return torch.where(next_to_bottom, to_bottom, torch.where(next_to_top, to_top, to_lines))
 
+    def native_solid(self) -> native.Solid:
+        """The same in C++."""
+        return native.Solid("cone", [float(self.height), float(self.bottom_radius), float(self.top_radius)], [])
+
     def bounds(self) -> Tensor:
         """The box around the cone (2, 3)."""
         widest = torch.maximum(self.bottom_radius, self.top_radius)
@@ -118,6 +135,10 @@ class Torus(Surface):
         """Exact signed distance (N,), as long as minor_radius <= major_radius."""
         from_circle = torch.stack([length(points[:, :2]) - self.major_radius, points[:, 2]], dim=-1)
         return length(from_circle) - self.minor_radius
+
+    def native_solid(self) -> native.Solid:
+        """The same in C++."""
+        return native.Solid("torus", [float(self.major_radius), float(self.minor_radius)], [])
 
     def bounds(self) -> Tensor:
         """The box around the ring (2, 3)."""

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING
 import torch
 from torch import Tensor, nn
 
+from surfsup import native
+
 if TYPE_CHECKING:
     import trimesh
 
@@ -35,13 +37,40 @@ class Surface(nn.Module, ABC):
         The normal is zero where the distance has no gradient (the centre of a sphere). Both results are
         differentiable in whatever records gradients: the points, the shape's parameters.
         """
-        recording = torch.is_grad_enabled() and (points.requires_grad or self.records_gradients())
+        found = self.look_natively(points)
+        if found is not None:
+            return found
+        recording = self.is_recording(points)
         with torch.enable_grad():
             query = points if points.requires_grad else points.detach().requires_grad_()
             distance = self.distance(query)
             (gradient,) = torch.autograd.grad(distance.sum(), query, create_graph=recording)
         normal = nn.functional.normalize(gradient, dim=-1)
         return (distance, normal) if recording else (distance.detach(), normal)
+
+    def look_natively(self, points: Tensor) -> tuple[Tensor, Tensor] | None:
+        """Distance (N,) and normal (N, 3) in C++.
+
+        None where that is not built, does not know the solid, or a gradient, another device or another precision
+        is asked for.
+        """
+        if points.dtype != torch.float32 or points.device.type != "cpu" or not native.paths():
+            return None
+        solid = None if self.is_recording(points) else self.native_solid()
+        if solid is None:
+            return None
+        points = points.detach().contiguous()
+        distance, normal = points.new_empty(len(points)), torch.empty_like(points)
+        solid.look(points.numpy(), distance.numpy(), normal.numpy(), torch.get_num_threads())
+        return distance, normal
+
+    def native_solid(self) -> native.Solid | None:
+        """The solid as it is now, in C++; None for those that have no closed form."""
+        return None
+
+    def is_recording(self, points: Tensor) -> bool:
+        """Whether a gradient of the distance of ``points`` is wanted."""
+        return torch.is_grad_enabled() and (points.requires_grad or self.records_gradients())
 
     def records_gradients(self) -> bool:
         """Whether any parameter of the shape (a module parameter or a buffer) wants a gradient."""

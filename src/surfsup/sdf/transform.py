@@ -10,6 +10,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from surfsup import native
 from surfsup.errors import InputError
 from surfsup.sdf.primitives import positive
 from surfsup.sdf.surface import Surface
@@ -49,8 +50,19 @@ class Transformed(Surface):
 
     def distance_and_normal(self, points: Tensor) -> tuple[Tensor, Tensor]:
         """Signed distance (N,) and normal (N, 3), both asked of the surface in its own frame."""
+        found = self.look_natively(points)
+        if found is not None:
+            return found
         distance, normal = self.surface.distance_and_normal(self.to_own_frame(points))
         return self.scale * distance, normal @ self.rotation.T.to(normal.dtype)
+
+    def native_solid(self) -> native.Solid | None:
+        """The same in C++, if the surface has that."""
+        solid = self.surface.native_solid()
+        if solid is None:
+            return None
+        numbers = [*self.rotation.flatten().tolist(), *self.translation.tolist(), float(self.scale)]
+        return native.Solid("transformed", numbers, [solid])
 
     @property
     def exact_outside(self) -> bool:

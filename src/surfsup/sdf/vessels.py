@@ -11,6 +11,7 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
+from surfsup import native
 from surfsup.errors import InputError
 from surfsup.sdf.primitives import length, positive
 from surfsup.sdf.surface import Surface
@@ -63,6 +64,10 @@ class Bowl(Surface):
             -(self.capture_radius.square() - self.filter_radius.square()).sqrt(),
         )
 
+    def native_solid(self) -> native.Solid:
+        """The same in C++."""
+        return native.Solid("bowl", [float(self.capture_radius), float(self.filter_radius), float(self.wall)], [])
+
     def bounds(self) -> Tensor:
         """The box around the bowl (2, 3)."""
         outer = self.capture_radius + self.wall
@@ -96,6 +101,14 @@ class Funnel(Surface):
         outlet = torch.stack([self.filter_radius + self.wall / 2, -self.height - self.spout])
         cone, spout = to_segment(place, rim, neck), to_segment(place, neck, outlet)
         return torch.minimum(cone, spout) - self.wall / 2
+
+    def native_solid(self) -> native.Solid:
+        """The same in C++."""
+        return native.Solid(
+            "funnel",
+            [float(one) for one in (self.capture_radius, self.filter_radius, self.height, self.spout, self.wall)],
+            [],
+        )
 
     def bounds(self) -> Tensor:
         """The box around the funnel (2, 3)."""

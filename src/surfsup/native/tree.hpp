@@ -1,0 +1,24 @@
+// A solid as plain data, for the paths.
+#pragma once
+
+#include <cstdint>
+
+namespace surfsup {
+
+enum class Kind : int32_t { sphere, box, cylinder, cone, torus, bowl, funnel, boxes, transformed, join, meet, difference };
+
+// One solid in a list in which every part stands before what it is part of.
+struct Node {
+    Kind kind;
+    int32_t numbers, count;      // where its numbers begin, and how many
+    int32_t parts, part_count;   // where the places of its parts begin, and how many
+};
+
+struct Tree {
+    const Node* nodes;
+    const float* numbers;
+    const int32_t* parts;
+    int32_t root;
+};
+
+}  // namespace surfsup

@@ -1,0 +1,136 @@
+"""The distances in C++ against those in torch, which are tested against other geometry elsewhere."""
+
+import numpy as np
+import pytest
+import torch
+
+from surfsup import native
+from surfsup.sdf import (
+    Bowl,
+    Box,
+    Boxes,
+    CappedCone,
+    Cylinder,
+    Difference,
+    Funnel,
+    Intersection,
+    MeshSurface,
+    Sphere,
+    Surface,
+    Torus,
+    Transformed,
+    Union,
+    axis_rotation,
+)
+from tests.sdf.solids import SHAPES, points_around
+
+pytestmark = pytest.mark.skipif(
+    not native.paths(), reason="the package was built without a compiler, so there is no native step"
+)
+
+TURN = axis_rotation((1.0, 2.0, -0.5), 40.0)
+
+
+def boxes(count: int = 7) -> Boxes:
+    random = torch.Generator().manual_seed(0)
+    turns = torch.stack([axis_rotation(torch.randn(3, generator=random), 30.0 * k) for k in range(count)])
+    return Boxes(
+        0.05 + 0.3 * torch.rand(count, 3, generator=random), turns.float(), torch.rand(count, 3, generator=random) - 0.5
+    )
+
+
+SOLIDS = {
+    **{name: kind(**parameters) for name, (kind, parameters) in SHAPES.items()},
+    "bowl": Bowl(0.3, 0.08),
+    "closed bowl": Bowl(0.3),
+    "funnel": Funnel(0.3, 0.06, 0.25, 0.1),
+    "boxes": boxes(),
+    "transformed": Transformed(CappedCone(0.5, 0.3, 0.1), TURN, (0.2, -0.1, 0.3), 1.7),
+    "mirrored": Transformed(Box((0.3, 0.4, 0.5)), torch.diag(torch.tensor([-1.0, 1.0, 1.0])), (0.1, 0.0, 0.0)),
+    "twice transformed": Transformed(Transformed(Torus(0.3, 0.1), TURN, (0.1, 0, 0)), TURN, (0, 0.2, 0), 0.5),
+    "union": Union(Transformed(Sphere(0.3), None, (0.25, 0, 0)), Box((0.4, 0.4, 0.4)), Funnel(0.3, 0.1)),
+    "intersection": Intersection(Sphere(0.3), Transformed(Box((0.5, 0.5, 0.5)), TURN, (0.1, 0, 0))),
+    "difference": Difference(Cylinder(0.3, 0.6), Transformed(Sphere(0.2), None, (0.0, 0.0, 0.25))),
+    "nested": Union(Difference(Union(Sphere(0.3), Box((0.7, 0.2, 0.2))), Cylinder(0.1, 1.0)), boxes(3)),
+}
+every_solid = pytest.mark.parametrize("name", SOLIDS)
+
+
+def by_torch(surface: Surface, points: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+    """In double precision, where nothing is native."""
+    distance, normal = surface.distance_and_normal(points.double())
+    return distance.float(), normal.float()
+
+
+@every_solid
+def test_distance_and_normal_are_those_of_torch(name):
+    surface = SOLIDS[name]
+    assert surface.native_solid() is not None
+    points = points_around(surface, 5000, dtype=torch.float32)
+    distance, normal = surface.distance_and_normal(points)
+    expected, expected_normal = by_torch(surface, points)
+    torch.testing.assert_close(distance, expected, atol=1e-6, rtol=0)
+    # Beside an edge of equal distance rounding may choose the other side.
+    alike = (normal - expected_normal).abs().amax(dim=-1) < 1e-3
+    assert alike.float().mean() > 0.998
+    assert torch.linalg.vector_norm(normal, dim=-1).sub(1).abs().max() < 1e-5
+
+
+@every_solid
+def test_nothing_one_point_and_what_is_no_number(name):
+    surface = SOLIDS[name]
+    for count in (0, 1, 15, 17):
+        points = points_around(surface, count, dtype=torch.float32)
+        distance, normal = surface.distance_and_normal(points)
+        assert distance.shape == (count,) and normal.shape == (count, 3)
+        torch.testing.assert_close(distance, surface.distance(points), atol=1e-6, rtol=0)
+    for axis in range(3):
+        points = torch.full((2, 3), 0.123)
+        points[0, axis] = torch.nan
+        distance, normal = surface.distance_and_normal(points)
+        assert distance.isnan().tolist() == [True, False]
+        assert normal.isnan().any(dim=-1).tolist() == [True, False]
+
+
+def test_where_there_is_no_direction_the_normal_is_zero():
+    distance, normal = Sphere(0.3).distance_and_normal(torch.zeros(1, 3))
+    assert float(distance) == pytest.approx(-0.3)
+    assert not normal.any()
+
+
+def test_a_shape_that_was_changed_is_seen_as_it_is_now():
+    surface = Transformed(Sphere(0.3), None, (0.0, 0.0, 0.0))
+    point = torch.tensor([[1.0, 0.0, 0.0]])
+    surface.surface.radius.fill_(0.4)
+    surface.translation[0] = 0.1
+    assert float(surface.distance_and_normal(point)[0]) == pytest.approx(0.5, abs=1e-6)
+
+
+def test_a_gradient_double_precision_and_unknown_solids_are_left_to_torch():
+    points = torch.rand(4, 3)
+    assert Sphere(0.3).look_natively(points) is not None
+    assert Sphere(0.3).look_natively(points.double()) is None
+    assert Sphere(0.3).look_natively(points.clone().requires_grad_()) is None
+    shape = torch.tensor(0.3, requires_grad=True)
+    assert Sphere(shape).look_natively(points) is None
+    with torch.no_grad():
+        assert Sphere(shape).look_natively(points) is not None
+    mesh = MeshSurface(Box((0.4, 0.4, 0.4)).to_mesh(8))
+    assert Union(Sphere(0.2), mesh).native_solid() is None
+    assert Transformed(mesh).native_solid() is None
+
+
+@pytest.mark.parametrize(
+    ("kind", "numbers", "parts"),
+    [("sphere", [], []), ("ball", [1.0], []), ("union", [], []), ("boxes", [1.0] * 16, []), ("box", [1.0] * 3, ["it"])],
+)
+def test_a_native_solid_of_the_wrong_things_is_refused(kind, numbers, parts):
+    with pytest.raises(ValueError, match="native"):
+        native.Solid(kind, numbers, [native.Solid("sphere", [1.0], []) for _ in parts])
+
+
+def test_sizes_that_do_not_fit_are_refused():
+    with pytest.raises(ValueError, match="distance has 3 rows for 2 particles"):
+        native.Solid("sphere", [1.0], []).look(
+            np.zeros((2, 3), np.float32), np.zeros(3, np.float32), np.zeros((2, 3), np.float32), 1
+        )
