@@ -1,52 +1,207 @@
-"""Milliseconds a frame: the shipped model against SPlisHSPlasH, same scene, same cores, in one run.
+"""Milliseconds a frame of 5 ms: the shipped model, native and in torch, against SPlisHSPlasH, same scene, same cores.
 
-    python benchmarks/against_solver.py [--frames 300] [--model NAME]
+    python benchmarks/against_solver.py [--particles 3000 50000] [--threads 1 2] [--frames 200] [--model NAME]
 
-Set-up is left out on both sides (the solver's boundary maps, our first frame); writing is left out on both sides; the
-solver takes its fixed step of 1 ms, five a frame, as in the paper.
+A block of water falls on a ball; every run is a process of its own, one after the other. Ours counts everything:
+neighbours, network, distances, guard, and writing the trajectory. The solver's bare steps count, nothing read from it
+or written: with its fixed step of 1 ms (five a frame, the paper's setting) and with its own adaptive step by the CFL
+condition (its defaults). Set-up is left out on both sides, that is all up to the end of the first frame. ms is
+wall-clock time, and 'cpu' processor time of all threads. Last, where a native frame's time goes.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+import math
 import os
 import subprocess
 import sys
 import tempfile
+import time
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
-from surfsup.datasets.drawing import Drawing
+from surfsup.reference.boundaries import boundaries
+from surfsup.reference.job import STEPS_PER_FRAME, write_job
+from surfsup.scene import FRAME_TIME, Scene
 
-DRAWING, INDEX = Drawing("prim-shapes", seed=3), 0  # a ball, held out of training
-SURFSUP = (sys.executable, "-m", "surfsup.cli")
+Timing = tuple[float, float]  # wall-clock and processor milliseconds a frame
+CFL = 1  # SPlisHSPlasH's adaptive step
+SPACING = 0.03
 
 
-def milliseconds_a_frame(verb: str, scene: Path, threads: int, options: list[str]) -> tuple[float, int]:
-    """Run one verb in a process of its own; its milliseconds a frame and its number of particles."""
-    with tempfile.TemporaryDirectory() as out:
-        command = [*SURFSUP, verb, str(scene), "-o", out, "--no-page", "--no-video", *options]
+def scene_of(particles: int, frames: int) -> Scene:
+    """A cube of about so many particles above a ball, in a container that grows with it."""
+    side = SPACING * (round(particles ** (1 / 3)) + 1) + 1e-4
+    width, radius = 1.8 * side + 0.2, 0.6 * side
+    bottom = 2 * radius + 0.05
+    return Scene.from_yaml(
+        json.dumps(
+            {
+                "container": {"size": [width, width, bottom + 2 * side]},
+                "surface": {"sphere": {"radius": radius}, "at": [0, 0, radius]},
+                "fluid": [
+                    {"block": {"min": [-side / 2, -side / 2, bottom], "max": [side / 2, side / 2, bottom + side]}}
+                ],
+                "frames": frames,
+            }
+        ),
+        "the benchmark's scene",
+        Path(),
+    )
+
+
+def timed(frame: Callable[[], Any], frames: int) -> Timing:
+    """The mean of so many frames."""
+    wall, processor = time.perf_counter(), time.process_time()
+    for _ in range(frames):
+        frame()
+    return 1000 * (time.perf_counter() - wall) / frames, 1000 * (time.process_time() - processor) / frames
+
+
+def ours(scene: Scene, model_name: str | None, native: bool) -> Timing:
+    """A rollout that is written as it is made."""
+    from surfsup.model import weights
+    from surfsup.model.simulate import simulate
+    from surfsup.trajectory import Provenance, TrajectoryWriter
+
+    surface = scene.build_surface()
+    start = scene.start(surface)
+    model, _ = weights.load(weights.find(model_name or weights.DEFAULT_MODEL))
+    if not native:
+        model.native.path = ""
+    frames = simulate(model, scene, surface, start, "cpu")
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "trajectory.h5"
+        with TrajectoryWriter(path, scene, Provenance("benchmark"), len(start.positions)) as writer:
+            writer.append(*next(frames))
+            writer.append(*next(frames))
+            return timed(lambda: writer.append(*next(frames)), scene.frames - 2)
+
+
+def solver(scene: Scene, adaptive: bool) -> Timing:
+    """Bare steps of SPlisHSPlasH in this process, by its own clock; its threads are those of the environment."""
+    from surfsup.reference.library import load_solver
+
+    surface = scene.build_surface()
+    start = scene.start(surface)
+    library = load_solver()
+    with tempfile.TemporaryDirectory() as folder:
+        path = write_job(Path(folder), scene.gravity, start.blocks, start.velocities, boundaries(scene, surface))
+        if adaptive:
+            told = json.loads(path.read_text())
+            told["Configuration"]["cflMethod"] = CFL
+            path.write_text(json.dumps(told))
+        base = library.Exec.SimulatorBase()
+        base.init(
+            sceneFile=str(path),
+            programName="surfsup",
+            useCache=False,
+            outputDir=str(Path(folder) / "log"),
+            initialPause=False,
+            useGui=False,
+            stopAt=-1.0,
+        )
+        base.initSimulation()
+        end = (scene.frames - 1) * FRAME_TIME
+        base.setValueFloat(base.STOP_AT, end)
+        began: list[float] = []
+
+        def after_step() -> None:
+            # The first frame carries the set-up.
+            if not began and library.TimeManager.getCurrent().getTime() > FRAME_TIME * (1 - 0.5 / STEPS_PER_FRAME):
+                began.extend([library.TimeManager.getCurrent().getTime(), time.perf_counter(), time.process_time()])
+
+        base.setTimeStepCB(after_step)
+        base.runSimulation()
+        simulated = library.TimeManager.getCurrent().getTime() - began[0]
+        frames = simulated / FRAME_TIME
+        timing = 1000 * (time.perf_counter() - began[1]) / frames, 1000 * (time.process_time() - began[2]) / frames
+        base.cleanup()
+        return timing
+
+
+def profile(scene: Scene, model_name: str | None) -> dict[str, float]:
+    """Processor milliseconds of the parts of a native frame, least of 20, in the middle of the scene, one thread."""
+    import torch
+
+    from surfsup.model import weights
+    from surfsup.model.guard import guard
+    from surfsup.model.state import Surroundings
+
+    torch.set_num_threads(1)
+    torch.set_grad_enabled(False)
+    surface = scene.build_surface()
+    start = scene.start(surface)
+    model, _ = weights.load(weights.find(model_name or weights.DEFAULT_MODEL))
+    around = Surroundings.of(scene, surface)
+    state = model.start(torch.from_numpy(start.positions), torch.from_numpy(start.particle_velocities), around)
+    for _ in range(scene.frames // 2):
+        state, _ = model.step(state, around)
+    positions, velocities = model.native.take(model, state, around)
+    parts = {
+        "whole step": lambda: model.step(state, around),
+        "distances to the solid": lambda: around.distance_and_normal(positions),
+        "network with neighbours and features, and distances": lambda: model.native.take(model, state, around),
+        "guard, with distances": lambda: guard(state.positions, positions, velocities, around),
+    }
+    return {name: min(timed(part, 1)[1] for _ in range(20)) for name, part in parts.items()}
+
+
+RUNS: dict[str, Callable[[Scene, str | None], Any]] = {
+    "solver 1 ms": lambda scene, _: solver(scene, adaptive=False),
+    "solver CFL": lambda scene, _: solver(scene, adaptive=True),
+    "torch": lambda scene, model: ours(scene, model, native=False),
+    "native": lambda scene, model: ours(scene, model, native=True),
+    "profile": profile,
+}
+
+
+def in_its_own_process(name: str, scene: Scene, threads: int, model: str | None) -> Any:
+    """What a run says, in a process with so many threads."""
+    with tempfile.TemporaryDirectory() as folder:
+        path, result = Path(folder) / "scene.yaml", Path(folder) / "result.json"
+        path.write_text(scene.to_yaml())
+        command = [sys.executable, __file__, "--run", name, str(path), str(result)]
+        command += ["--model", model] if model else []
         environment = {**os.environ, "OMP_NUM_THREADS": str(threads)}
-        subprocess.run(command, env=environment, check=True, capture_output=True)
-        summary = json.loads((Path(out) / "summary.json").read_text())
-    return summary["ms_per_frame"], summary["particles"]
+        if name.startswith("solver"):
+            environment["OMP_WAIT_POLICY"] = "passive"
+        done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+        if done.returncode:
+            sys.exit(f"{name} failed: {done.stderr.strip()[-500:]}")
+        return json.loads(result.read_text())
 
 
 def main() -> None:
-    """Time both with one and two threads and print the ratios."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--frames", type=int, default=300)
+    """Run all, print the table and the ratios."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--particles", type=int, nargs="+", default=[3000, 50000])
+    parser.add_argument("--threads", type=int, nargs="+", default=[1, 2])
+    parser.add_argument("--frames", type=int, default=200, help="at 3,000 particles; fewer where there are more")
     parser.add_argument("--model", default=None)
+    parser.add_argument("--run", nargs=3, metavar=("NAME", "SCENE", "RESULT"), help=argparse.SUPPRESS)
     arguments = parser.parse_args()
-    model = ["--model", arguments.model] if arguments.model else []
-    with tempfile.TemporaryDirectory() as folder:
-        scene = Path(folder) / "scene.yaml"
-        scene.write_text(DRAWING.scene(INDEX).with_frames(arguments.frames).to_yaml())
-        print(f"{'threads':>8}{'particles':>11}{'SPlisHSPlasH':>14}{'surfsup':>9}{'ratio':>7}   (ms a frame of 5 ms)")
-        for threads in (1, 2):
-            solver, particles = milliseconds_a_frame("reference", scene, threads, ["--threads", str(threads)])
-            ours, _ = milliseconds_a_frame("simulate", scene, threads, ["--device", "cpu", *model])
-            print(f"{threads:>8}{particles:>11}{solver:>14.1f}{ours:>9.1f}{solver / ours:>7.2f}", flush=True)
+    if arguments.run:
+        name, path, result = arguments.run
+        Path(result).write_text(json.dumps(RUNS[name](Scene.load(Path(path)), arguments.model)))
+        return
+    for particles in arguments.particles:
+        frames = max(20, round(arguments.frames * min(1.0, math.sqrt(3000 / particles))))
+        scene = scene_of(particles, frames)
+        count = len(scene.start(scene.build_surface()).positions)
+        print(f"{count} particles, {frames} frames; ms a frame, wall clock (cpu)")
+        for threads in arguments.threads:
+            told = {
+                name: in_its_own_process(name, scene, threads, arguments.model) for name in RUNS if name != "profile"
+            }
+            print(f"  {threads} threads: " + ", ".join(f"{name} {t[0]:.2f} ({t[1]:.2f})" for name, t in told.items()))
+            fixed, adaptive, native = (told[name][0] for name in ("solver 1 ms", "solver CFL", "native"))
+            print(f"    native is {fixed / native:.2f} times as fast as the fixed step, {adaptive / native:.2f} as CFL")
+        for name, milliseconds in in_its_own_process("profile", scene, 1, arguments.model).items():
+            print(f"    {milliseconds:8.3f} ms  {name}", flush=True)
 
 
 if __name__ == "__main__":
