@@ -49,11 +49,12 @@ def main() -> None:
         graph = Path(folder) / "graph.npz"
         edges = write_graph(graph, arguments.particles)
         print(f"{arguments.particles} particles, {edges / arguments.particles:.1f} neighbours, ", end="")
-        print(f"{arguments.threads} cores; best of {arguments.rounds} x {arguments.repeats}, milliseconds")
+        print(f"{arguments.threads} cores; best of {arguments.rounds} x {arguments.repeats}, milliseconds", flush=True)
         best: dict[str, dict] = {}
         for _ in range(arguments.rounds):
             for name, (python, source) in interpreters.items():
                 found = run(name, python, source, graph, arguments.threads, arguments.repeats)
+                print(f"  {name}: " + ", ".join(f"{key} {found[key]:.0f}" for key in COLUMNS), flush=True)
                 before = best.setdefault(name, found)
                 best[name] = found | {key: min(found[key], before[key]) for key in COLUMNS}
     print(f"{'':<15}{'forward: cpu':>13}{'wall':>8}{'both: cpu':>12}{'wall':>8}{'of ours':>9}  versions")
