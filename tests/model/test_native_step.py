@@ -207,6 +207,20 @@ def test_new_weights_are_used_at_once():
     assert torch.equal(copied.positions, fresh.positions)
 
 
+@pytest.mark.parametrize("how", [{}, {"fused": True}, {"foreach": True}])
+def test_what_an_optimiser_writes_is_used_at_once(how):
+    simulator, state = model().requires_grad_(True), stirred(100)
+    adam = torch.optim.Adam(simulator.parameters(), lr=0.01, **how)
+    for _ in range(2):
+        with torch.no_grad():
+            found, _ = simulator.step(state, around())
+            fresh, _ = copy.deepcopy(simulator).step(state, around())
+        assert torch.equal(found.positions, fresh.positions)
+        adam.zero_grad()
+        simulator.step(state, around())[0].positions.square().sum().backward()
+        adam.step()
+
+
 def test_torch_takes_over_where_a_gradient_or_more_precision_is_wanted():
     simulator, state, place = model(), stirred(30), around(BALL)
     can = simulator.native.can_take

@@ -13,8 +13,9 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import torch
-from torch import Tensor
+from torch import Tensor, nn
 
+from surfsup.model.native_convolution import FOUR, NativeConvolution, NativeKernelSums, can_convolve, can_sum
 from surfsup.model.neighbours import Neighbourhood, join_neighbourhoods
 
 KERNELS = 8
@@ -99,6 +100,29 @@ def join(graphs: list[Graph]) -> Graph:
         return graphs[0]
     merged = join_neighbourhoods([part.neighbourhood for part in graphs])
     return Graph(merged, torch.cat([part.kernels for part in graphs]))
+
+
+def convolve(hidden: Tensor, mix: Tensor, own: Tensor, graph: Graph) -> Tensor:
+    """Messages of all neighbours and the particle's own: (N, C) -> (N, C).
+
+    Args:
+        hidden: (N, C).
+        mix: (8C, C), the learned matrix of each kernel.
+        own: (C, C).
+        graph: the neighbours.
+    """
+    if can_convolve(graph, hidden, mix):
+        return NativeConvolution.apply(hidden, mix, own, graph)
+    count, width = hidden.shape
+    mixed = nn.functional.linear(hidden, mix).reshape(count, KERNELS, width)
+    return Gather.apply(mixed, graph.kernels, graph) + nn.functional.linear(hidden, own)
+
+
+def kernel_sums(values: Tensor, graph: Graph) -> Tensor:
+    """The sum over neighbours for every kernel apart, not mixed: (N, C) -> (N, 8, C)."""
+    if values.shape[1] == FOUR and can_sum(graph, values):
+        return NativeKernelSums.apply(values, graph)
+    return KernelSums.apply(values, graph.kernels, graph)
 
 
 class Gather(torch.autograd.Function):

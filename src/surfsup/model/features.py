@@ -5,7 +5,7 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
-from surfsup.model.convolution import CLOSE_DIRECTION, CLOSE_WINDOW, KERNELS, Graph, KernelSums
+from surfsup.model.convolution import CLOSE_DIRECTION, CLOSE_WINDOW, KERNELS, Graph, kernel_sums
 from surfsup.model.state import FRAME_TIME, State, Surroundings, free_fall_lag
 
 # Metres beyond which a solid is not felt: six particle radii, the supplement's near-surface threshold.
@@ -53,7 +53,7 @@ def observe_features(
     walls = nearness(torch.cat([ahead - around.lower, around.upper - ahead], dim=-1))
     from_walls = torch.cat([state.velocities, -state.velocities], dim=-1)
     ones = torch.ones_like(near_solid)
-    sums = KernelSums.apply(torch.cat([state.velocities, ones], dim=-1), graph.kernels, graph)
+    sums = kernel_sums(torch.cat([state.velocities, ones], dim=-1), graph)
     density = sums[:, :, 3]
     against = sums[:, :, :3] - density[:, :, None] * state.velocities[:, None]
     crowding = (density[:, CLOSE_WINDOW : CLOSE_WINDOW + 1] - CROWDED).clamp(min=0)

@@ -19,7 +19,10 @@ if TYPE_CHECKING:
 
 
 class NativeStep:
-    """The native twin of one simulator's network; made when first needed, and anew whenever the weights have changed.
+    """The native twin of one simulator's network; made when first needed, and anew when the weights lie elsewhere.
+
+    It reads the weights from where they are in every step: to tell whether they have changed is not safe (torch does
+    not count what its fused optimisers write).
 
     Args:
         position_share: of a velocity correction that shows in the displacement.
@@ -30,8 +33,7 @@ class NativeStep:
         self.position_share = position_share
         self.path = path or next(iter(native.paths()), "")
         self.network: native.Network | None = None
-        # The weights that it was made of: held, so that none of their memory can be given to others meanwhile.
-        self.made_of: list[tuple[Tensor, int]] = []
+        self.made_of: list[int] = []  # where the weights lay; the network keeps that memory from being given to others
 
     def __reduce__(self) -> tuple[type[NativeStep], tuple[float, str]]:
         return NativeStep, (self.position_share, self.path)  # a copy makes its own network
@@ -69,31 +71,23 @@ class NativeStep:
         if edges < 0:
             raise blown_up()
         if edges > most:
-            raise collapsed(edges, len(ahead), radius)
+            raise collapsed(radius)
         return positions, velocities
 
     def network_of(self, simulator: Simulator) -> native.Network:
-        """The native network of the weights as they are now."""
-        weights = list(simulator.network.parameters())
-        if self.network is None or not self.made_of_these(weights):
-            self.network = native_network(simulator, self.position_share)
-            self.made_of = [(weight.detach(), weight._version) for weight in weights]
+        """The native network of the weights where they are now."""
+        weights = [weight.data_ptr() for weight in simulator.network.parameters()]
+        if self.network is None or weights != self.made_of:
+            self.network, self.made_of = native_network(simulator, self.position_share), weights
         return self.network
-
-    def made_of_these(self, weights: list[Tensor]) -> bool:
-        """Whether these are the weights, and none has been written to since."""
-        return len(weights) == len(self.made_of) and all(
-            weight.data_ptr() == kept.data_ptr() and weight._version == version
-            for weight, (kept, version) in zip(weights, self.made_of, strict=True)
-        )
 
 
 def native_network(simulator: Simulator, position_share: float) -> native.Network:
-    """The native twin of a simulator's network as it is now."""
+    """The native twin of a simulator's network, whose weights it shares."""
     network = simulator.network
 
     def array(weight: Tensor) -> object:
-        return weight.detach().contiguous().numpy()
+        return weight.detach().numpy()
 
     first, last = network.factors[0], network.factors[2]
     return native.Network(

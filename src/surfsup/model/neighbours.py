@@ -10,6 +10,7 @@ import torch
 from scipy.spatial import cKDTree
 from torch import Tensor
 
+from surfsup import native
 from surfsup.errors import SimulationError
 from surfsup.model.neighbours_device import pairs_by_cells
 from surfsup.scene import PARTICLE_RADIUS
@@ -41,12 +42,30 @@ def neighbourhood(positions: Tensor, radius: float) -> Neighbourhood:
         SimulationError: a position is not finite, or the particles have collapsed into a clump, in which everybody
             sees everybody.
     """
+    if positions.device.type == "cpu" and positions.dtype == torch.float32 and native.paths():
+        return native_neighbourhood(positions, radius)
     find_pairs = pairs_by_tree if positions.device.type == "cpu" else pairs_by_cells
     receivers, senders = find_pairs(positions, radius)
     if len(receivers) > most_edges(len(positions), radius):
-        raise collapsed(len(receivers), len(positions), radius)
+        raise collapsed(radius)
     count = torch.arange(len(positions) + 1, device=positions.device)
     return Neighbourhood(torch.searchsorted(receivers, count), receivers, senders)
+
+
+def native_neighbourhood(positions: Tensor, radius: float) -> Neighbourhood:
+    """The same by a cell list in C++.
+
+    Raises:
+        SimulationError: as in :func:`neighbourhood`.
+    """
+    most = most_edges(len(positions), radius)
+    points = positions.detach().contiguous().numpy()
+    edges, *found = native.find_pairs(points, radius, most, torch.get_num_threads())
+    if edges < 0:
+        raise blown_up()
+    if edges > most:
+        raise collapsed(radius)
+    return Neighbourhood(*(torch.from_numpy(values) for values in found))
 
 
 def pairs_by_tree(positions: Tensor, radius: float) -> tuple[Tensor, Tensor]:
@@ -78,11 +97,11 @@ def most_edges(particles: int, radius: float) -> int:
     return int(MOST_CROWDED * in_water(radius) * particles)
 
 
-def collapsed(edges: int, particles: int, radius: float) -> SimulationError:
+def collapsed(radius: float) -> SimulationError:
     """What to raise where everybody sees everybody."""
     return SimulationError(
-        f"the simulation collapsed: {edges / particles:.0f} particles are within {radius} m of one, "
-        f"where water has {in_water(radius):.0f}"
+        f"the simulation collapsed: more than {MOST_CROWDED * in_water(radius):.0f} particles are within {radius} m of "
+        f"one, on the mean, where water has {in_water(radius):.0f}"
     )
 
 

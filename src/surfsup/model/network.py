@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from torch import Tensor, nn
 
-from surfsup.model.convolution import KERNELS, Gather, Graph
+from surfsup.model.convolution import KERNELS, Graph, convolve
 
 
 class Layer(nn.Module):
@@ -22,10 +22,8 @@ class Layer(nn.Module):
 
     def forward(self, hidden: Tensor, graph: Graph) -> Tensor:
         """(N, width) -> (N, width)."""
-        count, width = hidden.shape
-        mixed = self.mix(hidden).reshape(count, KERNELS, width)
-        received = Gather.apply(mixed, graph.kernels, graph)
-        return hidden + self.out(nn.functional.silu(received + self.own(hidden)))
+        received = convolve(hidden, self.mix.weight, self.own.weight, graph)
+        return hidden + self.out(nn.functional.silu(received))
 
 
 class ConvolutionNetwork(nn.Module):

@@ -1,6 +1,6 @@
-"""The convolution's step and the distances of solids in C++, built with the package where there is a compiler.
+"""The convolution's step, its parts for training, the search for neighbours and the distances of solids in C++.
 
-Torch does the same without it.
+It is built with the package where there is a compiler; torch does the same without it.
 """
 
 from __future__ import annotations
@@ -8,16 +8,34 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from surfsup.native._native import Network, Solid, paths
+    from surfsup.native._native import (
+        Network,
+        Solid,
+        convolve,
+        convolve_back,
+        find_pairs,
+        paths,
+        sum_fours,
+        sum_fours_back,
+    )
 else:
     try:
-        from surfsup.native._native import Network, Solid, paths
+        from surfsup.native._native import (
+            Network,
+            Solid,
+            convolve,
+            convolve_back,
+            find_pairs,
+            paths,
+            sum_fours,
+            sum_fours_back,
+        )
     except ImportError:  # the package was installed without a compiler
-        Network = Solid = None
+        Network = Solid = convolve = convolve_back = find_pairs = sum_fours = sum_fours_back = None
 
         def paths() -> list[str]:
             """No instruction set: nothing is native."""
             return []
 
 
-__all__ = ["Network", "Solid", "paths"]
+__all__ = ["Network", "Solid", "convolve", "convolve_back", "find_pairs", "paths", "sum_fours", "sum_fours_back"]

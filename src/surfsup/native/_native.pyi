@@ -7,6 +7,68 @@ Matrix = Bias = Vectors = Values = Vector = np.ndarray
 def paths() -> list[str]:
     """Instruction sets that this processor has and the step is compiled for, the fastest first."""
 
+def find_pairs(
+    positions: Vectors, radius: float, most_edges: int, threads: int
+) -> tuple[int, np.ndarray, np.ndarray, np.ndarray]:
+    """All ordered pairs within ``radius``: how many, starts (N + 1,), receivers (E,), senders (E,), all int64.
+
+    Where there are more than ``most_edges`` it stops, where a position is not finite the number is -1; then the arrays
+    are empty.
+
+    Raises:
+        MemoryError: they do not fit into memory.
+    """
+
+def convolve(
+    starts: np.ndarray,
+    senders: np.ndarray,
+    kernels: np.ndarray,
+    hidden: Matrix,
+    mix: Matrix,
+    own: Matrix,
+    out: Matrix,
+    threads: int,
+) -> None:
+    """Write own h_i + sum_j sum_m k_m(i, j) mix_m h_j to ``out`` (N, C); C is a multiple of 16.
+
+    Raises:
+        ValueError: sizes do not fit.
+    """
+
+def convolve_back(
+    starts: np.ndarray,
+    senders: np.ndarray,
+    kernels: np.ndarray,
+    hidden: Matrix,
+    mix: Matrix,
+    own: Matrix,
+    gradient: Matrix,
+    to_hidden: Matrix | None,
+    to_mix: Matrix,
+    to_own: Matrix,
+    threads: int,
+) -> None:
+    """Write the gradients in what goes into :func:`convolve` from the ``gradient`` in its result.
+
+    Raises:
+        ValueError: sizes do not fit.
+    """
+
+def sum_fours(
+    starts: np.ndarray, senders: np.ndarray, kernels: np.ndarray, values: np.ndarray, sums: np.ndarray, threads: int
+) -> None:
+    """Write sum_j k_m(i, j) v_j of four values a particle to ``sums`` (N, 8, 4)."""
+
+def sum_fours_back(
+    starts: np.ndarray,
+    senders: np.ndarray,
+    kernels: np.ndarray,
+    gradient: np.ndarray,
+    to_values: np.ndarray,
+    threads: int,
+) -> None:
+    """Write the gradient in the values of :func:`sum_fours` from that in its sums."""
+
 class Solid:
     """A solid whose distance has a closed form; ``parts`` are copied."""
 

@@ -84,6 +84,17 @@ struct Path {
     int64_t (*look)(const Frame&, int32_t begin, int32_t end, Arena&, float* scratch);
     // A layer; behind the last one the decoder and the new positions and velocities.
     void (*layer)(const Frame&, int number, int32_t begin, int32_t end, float* scratch);
+    // Of a convolution, for particles begin to end: the sums over neighbours of `values` mixed by `weights`
+    // (9 width, width); `back` takes every edge the other way around.
+    void (*convolve)(const Sparse&, int width, const float* values, const float* weights, bool back, float* out,
+                     int32_t begin, int32_t end, float* scratch);
+    // Adds to `to` (9 width, width) the gradient in the weights.
+    void (*weigh)(const Sparse&, int width, const float* values, const float* gradient, float* to, int32_t begin,
+                  int32_t end, float* scratch);
+    // The places of sorted particles that are within the radius of the sorted particle i, in any order; how many, -1
+    // where memory ran out. `to` points to them until the next call.
+    int64_t (*within)(const Frame&, int32_t i, Arena&, void* search, const int32_t*& to);
+    int64_t search_bytes;  // of `search`, zero at first
     // Signed distance and unit normal of points begin to end.
     void (*distance)(const Tree&, const float* points, int32_t begin, int32_t end, float* distance, float* normal);
 };

@@ -1,14 +1,17 @@
 // The face of the native step in Python: surfsup.native._native.
 #include <nanobind/nanobind.h>
 #include <nanobind/ndarray.h>
+#include <nanobind/stl/optional.h>
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/tuple.h>
 #include <nanobind/stl/vector.h>
 
 #include <limits>
+#include <optional>
 #include <stdexcept>
 #include <tuple>
 
+#include "convolution.hpp"
 #include "network.hpp"
 #include "solid.hpp"
 
@@ -22,6 +25,14 @@ using Bias = nb::ndarray<const float, nb::ndim<1>, nb::c_contig, nb::device::cpu
 using Vectors = nb::ndarray<const float, nb::shape<-1, 3>, nb::c_contig, nb::device::cpu>;
 using NewVectors = nb::ndarray<float, nb::shape<-1, 3>, nb::c_contig, nb::device::cpu>;
 using Values = nb::ndarray<const float, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
+using Starts = nb::ndarray<const int64_t, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
+using Indices = Starts;
+using Kernels = nb::ndarray<const float, nb::shape<-1, surfsup::KERNELS>, nb::c_contig, nb::device::cpu>;
+using NewWeight = nb::ndarray<float, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
+using Fours = nb::ndarray<const float, nb::shape<-1, 4>, nb::c_contig, nb::device::cpu>;
+using NewFours = nb::ndarray<float, nb::shape<-1, 4>, nb::c_contig, nb::device::cpu>;
+using Sums = nb::ndarray<const float, nb::shape<-1, surfsup::KERNELS, 4>, nb::c_contig, nb::device::cpu>;
+using NewSums = nb::ndarray<float, nb::shape<-1, surfsup::KERNELS, 4>, nb::c_contig, nb::device::cpu>;
 using NewValues = nb::ndarray<float, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
 using Vector = nb::ndarray<const float, nb::shape<3>, nb::c_contig, nb::device::cpu>;
 
@@ -41,22 +52,37 @@ const surfsup::Path& path_of(const std::string& name) {
     throw std::invalid_argument("this processor cannot go the path '" + name + "'");
 }
 
-void make(surfsup::Network* network, std::tuple<Weight, Weight> encoder, std::tuple<Weight, Bias, Weight, Bias> factors,
+// A network, and what keeps the memory of its weights.
+struct HeldNetwork {
+    std::vector<Weight> weights;
+    std::vector<Bias> biases;
+    surfsup::Network network;
+};
+
+void make(HeldNetwork* network, std::tuple<Weight, Weight> encoder, std::tuple<Weight, Bias, Weight, Bias> factors,
           const std::vector<std::tuple<Weight, Weight, Weight>>& layers, std::tuple<Weight, Weight> decoder, float radius,
           float close, float frame_time, float fall_lag, float reach, float displacement_scale, float velocity_scale,
           float crowded, float position_share) {
     const auto& [factor_in, factor_in_bias, factor_out, factor_out_bias] = factors;
     expect(factor_in_bias.shape(0), factor_in.shape(0), "a bias of the factors");
     expect(factor_out_bias.shape(0), factor_out.shape(0), "a bias of the factors");
+    const auto& [encode_in, encode_out] = encoder;
+    const auto& [decode_in, decode_out] = decoder;
+    std::vector<Weight> weights{encode_in, encode_out, factor_in, factor_out, decode_in, decode_out};
     std::vector<surfsup::Layer> all;
-    for (const auto& [mix, own, out] : layers) all.push_back({matrix(mix), matrix(own), matrix(out)});
-    new (network) surfsup::Network(
-        {radius, close, frame_time, fall_lag, reach, displacement_scale, velocity_scale, crowded, position_share},
-        matrix(std::get<0>(encoder)), matrix(std::get<1>(encoder)), matrix(factor_in), factor_in_bias.data(),
-        matrix(factor_out), factor_out_bias.data(), all, matrix(std::get<0>(decoder)), matrix(std::get<1>(decoder)));
+    for (const auto& [mix, own, out] : layers) {
+        all.push_back({matrix(mix), matrix(own), matrix(out)});
+        weights.insert(weights.end(), {mix, own, out});
+    }
+    new (network) HeldNetwork{
+        std::move(weights),
+        {factor_in_bias, factor_out_bias},
+        {{radius, close, frame_time, fall_lag, reach, displacement_scale, velocity_scale, crowded, position_share},
+         matrix(encode_in), matrix(encode_out), matrix(factor_in), factor_in_bias.data(), matrix(factor_out),
+         factor_out_bias.data(), all, matrix(decode_in), matrix(decode_out)}};
 }
 
-int64_t step(surfsup::Network& network, Vectors positions, Vectors velocities, Vectors displacement, Vectors velocity_change,
+int64_t step(HeldNetwork& held, Vectors positions, Vectors velocities, Vectors displacement, Vectors velocity_change,
           Vectors ahead, Values distance, Vectors normal, Vector gravity, Vector lower, Vector upper,
           NewVectors new_positions, NewVectors new_velocities, const std::string& path, int threads, int64_t most_edges) {
     const size_t count = positions.shape(0);
@@ -75,7 +101,7 @@ int64_t step(surfsup::Network& network, Vectors positions, Vectors velocities, V
                                velocity_change.data(), ahead.data(), distance.data(), normal.data(), gravity.data(),
                                lower.data(), upper.data(), new_positions.data(), new_velocities.data()};
     const nb::gil_scoped_release unlocked;
-    return network.step(fluid, chosen, threads, most_edges);
+    return held.network.step(fluid, chosen, threads, most_edges);
 }
 
 void look(const surfsup::Solid& solid, Vectors points, NewValues distance, NewVectors normal, int threads) {
@@ -88,22 +114,105 @@ void look(const surfsup::Solid& solid, Vectors points, NewValues distance, NewVe
     solid.look(points.data(), static_cast<int32_t>(count), distance.data(), normal.data(), threads);
 }
 
+surfsup::Sparse sparse(const Starts& starts, const Indices& senders, const Kernels& kernels) {
+    if (starts.shape(0) == 0 || starts.shape(0) > std::numeric_limits<int32_t>::max())
+        throw std::invalid_argument("the starts are those of no number of particles that can be counted");
+    expect(kernels.shape(0), senders.shape(0), "kernels");
+    return {static_cast<int32_t>(starts.shape(0) - 1), starts.data(), senders.data(), kernels.data()};
+}
+
+int width_of(const Weight& mix, const Weight& own, const Weight& hidden, const surfsup::Sparse& edges) {
+    const size_t width = own.shape(0);
+    if (width == 0 || width % surfsup::CHANNELS || own.shape(1) != width || mix.shape(1) != width ||
+        mix.shape(0) != surfsup::KERNELS * width || hidden.shape(1) != width)
+        throw std::invalid_argument("the native convolution is for a multiple of 16 channels, the same everywhere");
+    expect(hidden.shape(0), static_cast<size_t>(edges.count), "hidden");
+    return static_cast<int>(width);
+}
+
+void convolve(Starts starts, Indices senders, Kernels kernels, Weight hidden, Weight mix, Weight own, NewWeight out,
+              int threads) {
+    const surfsup::Sparse edges = sparse(starts, senders, kernels);
+    const int width = width_of(mix, own, hidden, edges);
+    if (out.shape(0) != hidden.shape(0) || out.shape(1) != hidden.shape(1)) throw std::invalid_argument("out is not as hidden");
+    const nb::gil_scoped_release unlocked;
+    surfsup::convolve(edges, width, hidden.data(), mix.data(), own.data(), out.data(), threads);
+}
+
+void convolve_back(Starts starts, Indices senders, Kernels kernels, Weight hidden, Weight mix, Weight own, Weight gradient,
+                   std::optional<NewWeight> to_hidden, NewWeight to_mix, NewWeight to_own, int threads) {
+    const surfsup::Sparse edges = sparse(starts, senders, kernels);
+    const int width = width_of(mix, own, hidden, edges);
+    const auto same = [](const auto& one, const Weight& other) {
+        return one.shape(0) == other.shape(0) && one.shape(1) == other.shape(1);
+    };
+    if (!same(gradient, hidden) || (to_hidden && !same(*to_hidden, hidden)) || !same(to_mix, mix) || !same(to_own, own))
+        throw std::invalid_argument("a gradient is not as what it is of");
+    const nb::gil_scoped_release unlocked;
+    surfsup::convolve_back(edges, width, hidden.data(), mix.data(), own.data(), gradient.data(),
+                           to_hidden ? to_hidden->data() : nullptr, to_mix.data(), to_own.data(), threads);
+}
+
+void sum_fours(Starts starts, Indices senders, Kernels kernels, Fours values, NewSums sums, int threads) {
+    const surfsup::Sparse edges = sparse(starts, senders, kernels);
+    expect(values.shape(0), static_cast<size_t>(edges.count), "values");
+    expect(sums.shape(0), static_cast<size_t>(edges.count), "sums");
+    const nb::gil_scoped_release unlocked;
+    surfsup::sum_fours(edges, values.data(), sums.data(), threads);
+}
+
+void sum_fours_back(Starts starts, Indices senders, Kernels kernels, Sums gradient, NewFours to_values, int threads) {
+    const surfsup::Sparse edges = sparse(starts, senders, kernels);
+    expect(gradient.shape(0), static_cast<size_t>(edges.count), "gradient");
+    expect(to_values.shape(0), static_cast<size_t>(edges.count), "to_values");
+    const nb::gil_scoped_release unlocked;
+    surfsup::sum_fours_back(edges, gradient.data(), to_values.data(), threads);
+}
+
+// An array of Python's that the vector becomes.
+nb::ndarray<nb::numpy, int64_t, nb::ndim<1>> as_array(std::vector<int64_t>&& values) {
+    auto* kept = new std::vector<int64_t>(std::move(values));
+    nb::capsule owner(kept, [](void* vector) noexcept { delete static_cast<std::vector<int64_t>*>(vector); });
+    return {kept->data(), {kept->size()}, owner};
+}
+
+nb::tuple find_pairs(Vectors positions, double radius, int64_t most_edges, int threads) {
+    if (positions.shape(0) >= static_cast<size_t>(std::numeric_limits<int32_t>::max()) / 4)
+        throw std::invalid_argument("there are more particles than the native search can count");
+    surfsup::Pairs pairs;
+    {
+        const nb::gil_scoped_release unlocked;
+        pairs = surfsup::find_pairs(positions.data(), static_cast<int32_t>(positions.shape(0)), static_cast<float>(radius),
+                                    radius, most_edges, threads);
+    }
+    return nb::make_tuple(pairs.edges, as_array(std::move(pairs.starts)), as_array(std::move(pairs.receivers)),
+                          as_array(std::move(pairs.senders)));
+}
+
 }  // namespace
 
+// No array is converted: what is written to a copy would be lost.
 NB_MODULE(_native, module) {
     module.def("paths", [] {
         std::vector<std::string> names;
         for (const surfsup::Path* path : surfsup::paths()) names.emplace_back(path->name);
         return names;
     });
+    module.def("convolve", convolve, "starts"_a.noconvert(), "senders"_a.noconvert(), "kernels"_a.noconvert(), "hidden"_a.noconvert(), "mix"_a.noconvert(), "own"_a.noconvert(), "out"_a.noconvert(), "threads"_a);
+    module.def("convolve_back", convolve_back, "starts"_a.noconvert(), "senders"_a.noconvert(), "kernels"_a.noconvert(), "hidden"_a.noconvert(), "mix"_a.noconvert(), "own"_a.noconvert(),
+               "gradient"_a.noconvert(), "to_hidden"_a.noconvert().none(), "to_mix"_a.noconvert(), "to_own"_a.noconvert(), "threads"_a);
+    module.def("sum_fours", sum_fours, "starts"_a.noconvert(), "senders"_a.noconvert(), "kernels"_a.noconvert(), "values"_a.noconvert(), "sums"_a.noconvert(), "threads"_a);
+    module.def("sum_fours_back", sum_fours_back, "starts"_a.noconvert(), "senders"_a.noconvert(), "kernels"_a.noconvert(), "gradient"_a.noconvert(), "to_values"_a.noconvert(),
+               "threads"_a);
+    module.def("find_pairs", find_pairs, "positions"_a.noconvert(), "radius"_a, "most_edges"_a, "threads"_a);
     nb::class_<surfsup::Solid>(module, "Solid")
         .def(nb::init<const std::string&, const std::vector<float>&, const std::vector<const surfsup::Solid*>&>(), "kind"_a,
              "numbers"_a, "parts"_a)
-        .def("look", look, "points"_a, "distance"_a, "normal"_a, "threads"_a);
-    nb::class_<surfsup::Network>(module, "Network")
-        .def("__init__", make, nb::kw_only(), "encoder"_a, "factors"_a, "layers"_a, "decoder"_a, "radius"_a, "close"_a,
+        .def("look", look, "points"_a.noconvert(), "distance"_a.noconvert(), "normal"_a.noconvert(), "threads"_a);
+    nb::class_<HeldNetwork>(module, "Network")
+        .def("__init__", make, nb::kw_only(), "encoder"_a.noconvert(), "factors"_a.noconvert(), "layers"_a, "decoder"_a.noconvert(), "radius"_a, "close"_a,
              "frame_time"_a, "fall_lag"_a, "reach"_a, "displacement_scale"_a, "velocity_scale"_a, "crowded"_a,
              "position_share"_a)
-        .def("step", step, "positions"_a, "velocities"_a, "displacement"_a, "velocity_change"_a, "ahead"_a, "distance"_a,
-             "normal"_a, "gravity"_a, "lower"_a, "upper"_a, "new_positions"_a, "new_velocities"_a, "path"_a, "threads"_a, "most_edges"_a);
+        .def("step", step, "positions"_a.noconvert(), "velocities"_a.noconvert(), "displacement"_a.noconvert(), "velocity_change"_a.noconvert(), "ahead"_a.noconvert(), "distance"_a.noconvert(),
+             "normal"_a.noconvert(), "gravity"_a.noconvert(), "lower"_a.noconvert(), "upper"_a.noconvert(), "new_positions"_a.noconvert(), "new_velocities"_a.noconvert(), "path"_a, "threads"_a, "most_edges"_a);
 }

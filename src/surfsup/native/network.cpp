@@ -43,7 +43,16 @@ void expect(const Matrix& matrix, int64_t outputs, int64_t inputs, const char* n
 Network::Network(const Constants& constants, Matrix encode_in, Matrix encode_out, Matrix factor_in,
                  const float* factor_in_bias, Matrix factor_out, const float* factor_out_bias,
                  const std::vector<Layer>& layers, Matrix decode_in, Matrix decode_out)
-    : constants_(constants) {
+    : constants_(constants),
+      given_encode_in_(encode_in),
+      given_encode_out_(encode_out),
+      given_factor_in_(factor_in),
+      given_factor_out_(factor_out),
+      given_decode_in_(decode_in),
+      given_decode_out_(decode_out),
+      given_factor_in_bias_(factor_in_bias),
+      given_factor_out_bias_(factor_out_bias),
+      given_layers_(layers) {
     const int64_t own = encode_in.outputs;
     if (own < 1 || layers.empty()) throw std::invalid_argument("a network has at least one channel and one layer");
     expect(encode_in, own, ACTIONS, "encoder.0");
@@ -57,37 +66,41 @@ Network::Network(const Constants& constants, Matrix encode_in, Matrix encode_out
         expect(layer.own, own, own, "own");
         expect(layer.out, own, own, "out");
     }
-    const int64_t width = (own + MULTIPLE - 1) / MULTIPLE * MULTIPLE;
-    width_ = static_cast<int>(width);
+    width_ = static_cast<int>((own + MULTIPLE - 1) / MULTIPLE * MULTIPLE);
     layers_ = static_cast<int>(layers.size());
+}
 
+void Network::read_weights() {
+    const int64_t own = given_encode_in_.outputs, width = width_;
     encode_in_.assign(static_cast<size_t>(ROW * width), 0.0f);
     const std::vector<int> from = columns();
     for (int64_t place = 0; place < ROW; ++place)
         for (int64_t output = 0; output < own && from[place] >= 0; ++output)
-            encode_in_[static_cast<size_t>(place * width + output)] = encode_in.values[output * ACTIONS + from[place]];
+            encode_in_[static_cast<size_t>(place * width + output)] =
+                given_encode_in_.values[output * ACTIONS + from[place]];
     const auto square = [&](std::vector<float>& to, const Matrix& matrix) {
         to.assign(static_cast<size_t>(width * width), 0.0f);
         transpose(matrix, to.data(), width);
     };
-    square(encode_out_, encode_out);
-    square(decode_in_, decode_in);
+    square(encode_out_, given_encode_out_);
+    square(decode_in_, given_decode_in_);
     factor_in_.assign(static_cast<size_t>(KERNELS * width), 0.0f);
-    transpose(factor_in, factor_in_.data(), width);
+    transpose(given_factor_in_, factor_in_.data(), width);
     factor_in_bias_.assign(static_cast<size_t>(width), 0.0f);
-    std::copy_n(factor_in_bias, own, factor_in_bias_.begin());
+    std::copy_n(given_factor_in_bias_, own, factor_in_bias_.begin());
     // The first and the last factors, each from a multiple of the lanes on.
     factor_out_.assign(static_cast<size_t>(width * 2 * width), 0.0f);
     factor_out_bias_.assign(static_cast<size_t>(2 * width), 0.0f);
     for (int64_t half = 0; half < 2; ++half) {
-        transpose({factor_out.values + half * own * own, own, own}, factor_out_.data(), 2 * width, half * width);
-        std::copy_n(factor_out_bias + half * own, own, factor_out_bias_.begin() + half * width);
+        const Matrix matrix{given_factor_out_.values + half * own * own, own, own};
+        transpose(matrix, factor_out_.data(), 2 * width, half * width);
+        std::copy_n(given_factor_out_bias_ + half * own, own, factor_out_bias_.begin() + half * width);
     }
     const int64_t depth = (KERNELS + 1) * width;
     mix_.assign(static_cast<size_t>(layers_ * depth * width), 0.0f);
     out_.assign(static_cast<size_t>(layers_ * width * width), 0.0f);
     for (int64_t number = 0; number < layers_; ++number) {
-        const Layer& layer = layers[static_cast<size_t>(number)];
+        const Layer& layer = given_layers_[static_cast<size_t>(number)];
         float* mix = mix_.data() + number * depth * width;
         for (int64_t m = 0; m < KERNELS; ++m)
             transpose({layer.mix.values + m * own * own, own, own}, mix + m * width * width, width);
@@ -95,13 +108,14 @@ Network::Network(const Constants& constants, Matrix encode_in, Matrix encode_out
         transpose(layer.out, out_.data() + number * width * width, width);
     }
     decode_out_.assign(static_cast<size_t>(width * OUTPUT_ROOM), 0.0f);
-    transpose(decode_out, decode_out_.data(), OUTPUT_ROOM);
+    transpose(given_decode_out_, decode_out_.data(), OUTPUT_ROOM);
 }
 
 int64_t Network::step(const Fluid& fluid, const Path& path, int threads, int64_t most_edges) {
     const std::lock_guard<std::mutex> alone(stepping_);
     const auto count = static_cast<size_t>(fluid.count);
     if (count == 0) return 0;
+    read_weights();
     const bool finite = cells_.sort(fluid.ahead, fluid.count, constants_.radius);
     const int32_t* order = cells_.order();
     for (auto* sorted : {&x_, &y_, &z_}) sorted->resize(count + MULTIPLE);

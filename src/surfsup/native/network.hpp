@@ -32,6 +32,7 @@ struct Fluid {
 
 class Network {
 public:
+    // The weights are read anew in every step, so they must stay where they are, and may change in between.
     // Throws std::invalid_argument where sizes do not fit.
     Network(const Constants& constants, Matrix encode_in, Matrix encode_out, Matrix factor_in, const float* factor_in_bias,
             Matrix factor_out, const float* factor_out_bias, const std::vector<Layer>& layers, Matrix decode_in,
@@ -42,7 +43,12 @@ public:
     int64_t step(const Fluid& fluid, const Path& path, int threads, int64_t most_edges);
 
 private:
+    void read_weights();
+
     Constants constants_;
+    Matrix given_encode_in_, given_encode_out_, given_factor_in_, given_factor_out_, given_decode_in_, given_decode_out_;
+    const float *given_factor_in_bias_, *given_factor_out_bias_;
+    std::vector<Layer> given_layers_;
     int width_ = 0, layers_ = 0;
     std::vector<float> encode_in_, encode_out_, factor_in_, factor_in_bias_, factor_out_, factor_out_bias_, mix_, out_,
         decode_in_, decode_out_;

@@ -111,8 +111,8 @@ inline bool make_room(Arena& arena, int64_t count, Places& places) {
 // What a thread needs to look for neighbours: all that is in the 27 cells around one, those of it within the radius,
 // and these again, near ones first.
 struct Search {
-    int32_t cell = -1;
-    int64_t count = 0, room = -1;
+    int32_t cell = 0;  // that was seen last, counted from one
+    int64_t count = 0, room = 0;
     Places candidates{}, within{}, sorted{};
 };
 
@@ -123,7 +123,7 @@ inline bool see_cell(const Frame& frame, int32_t cell, Search& search, Arena& ar
     const int32_t cz = cell % nz, cy = cell / nz % ny, cx = cell / nz / ny;
     int32_t begin[27], end[27];
     int ranges = 0;
-    search.cell = cell;
+    search.cell = cell + 1;
     search.count = 0;
     const auto add = [&](int32_t first, int32_t last) {
         begin[ranges] = cells.first[first], end[ranges] = cells.first[last + 1];
@@ -143,8 +143,8 @@ inline bool see_cell(const Frame& frame, int32_t cell, Search& search, Arena& ar
                 add(row + cz - 1, row + cz + 1);
             }
         }
-    if (search.count > search.room) {
-        search.room = 2 * search.count;
+    if (search.count > search.room || search.room == 0) {
+        search.room = 2 * search.count + 1;
         if (!make_room(arena, search.room, search.candidates) || !make_room(arena, search.room, search.within) ||
             !make_room(arena, search.room, search.sorted))
             return false;
@@ -190,18 +190,24 @@ inline void kernels_of(const Frame& frame, const Places& edges, int64_t first, i
     }
 }
 
-// Finds the neighbours of a sorted particle and their kernels.
-inline bool find_edges(const Frame& frame, int32_t i, const Search& search, Arena& arena) {
-    const float radius = frame.constants.radius, close = radius * frame.constants.close;
+// Lists what is within `radius` of a sorted particle, among the candidates; how many.
+inline int64_t find_within(const Frame& frame, int32_t i, const Search& search, float radius) {
     const Floats px = splat(frame.x[i]), py = splat(frame.y[i]), pz = splat(frame.z[i]);
-    int64_t edges = 0;
+    int64_t found = 0;
     for (int64_t k = 0; k < search.count; k += LANES) {
         const Floats x = load(search.candidates.x + k) - px, y = load(search.candidates.y + k) - py;
         const Floats z = load(search.candidates.z + k) - pz;
         const Ints index = load_ints(search.candidates.index + k);
         const Ints within = (x * x + y * y + z * z <= radius * radius) & (index != i);
-        edges = append(search.within, edges, within, x, y, z, index);
+        found = append(search.within, found, within, x, y, z, index);
     }
+    return found;
+}
+
+// Finds the neighbours of a sorted particle and their kernels.
+inline bool find_edges(const Frame& frame, int32_t i, const Search& search, Arena& arena) {
+    const float radius = frame.constants.radius, close = radius * frame.constants.close;
+    const int64_t edges = find_within(frame, i, search, radius);
     const Places &all = search.within, &sorted = search.sorted;
     Ints lane;
 #pragma GCC unroll 16
@@ -305,7 +311,7 @@ int64_t look(const Frame& frame, int32_t begin, int32_t end, Arena& arena, float
         const int here = end - block < ROWS ? end - block : ROWS;
         for (int row = 0; row < here; ++row) {
             const int32_t i = block + row, cell = frame.cells.of[i];
-            if (cell != search.cell && !see_cell(frame, cell, search, arena)) return -1;
+            if (cell + 1 != search.cell && !see_cell(frame, cell, search, arena)) return -1;
             if (!find_edges(frame, i, search, arena)) return -1;
             edges += frame.edges[i].all;
             observe(frame, i, acts + row * ROW, lie + row * KERNELS);

@@ -1,6 +1,7 @@
 // For processors with AVX2 and FMA.
 #define PATH path_avx2
 #include "path.hpp"
+#include "convolution_path.hpp"
 #include "solid_path.hpp"
 
 namespace surfsup {
@@ -9,5 +10,6 @@ static bool supported() { return __builtin_cpu_supports("avx2") && __builtin_cpu
 #else
 static bool supported() { return false; }  // not a processor of that kind at all
 #endif
-const Path avx2 = {"avx2", supported, PATH::ROWS, PATH::scratch, PATH::look, PATH::layer, PATH::distance};
+const Path avx2 = {"avx2", supported, PATH::ROWS, PATH::scratch, PATH::look, PATH::layer,
+                     PATH::convolve, PATH::weigh, PATH::within, sizeof(PATH::Search), PATH::distance};
 }  // namespace surfsup

@@ -1,6 +1,7 @@
 // For processors with AVX-512: F, BW, DQ and VL.
 #define PATH path_avx512
 #include "path.hpp"
+#include "convolution_path.hpp"
 #include "solid_path.hpp"
 
 namespace surfsup {
@@ -12,5 +13,6 @@ static bool supported() {
 #else
 static bool supported() { return false; }  // not a processor of that kind at all
 #endif
-const Path avx512 = {"avx512", supported, PATH::ROWS, PATH::scratch, PATH::look, PATH::layer, PATH::distance};
+const Path avx512 = {"avx512", supported, PATH::ROWS, PATH::scratch, PATH::look, PATH::layer,
+                     PATH::convolve, PATH::weigh, PATH::within, sizeof(PATH::Search), PATH::distance};
 }  // namespace surfsup

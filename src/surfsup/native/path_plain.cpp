@@ -1,9 +1,11 @@
 // For every processor.
 #define PATH path_plain
 #include "path.hpp"
+#include "convolution_path.hpp"
 #include "solid_path.hpp"
 
 namespace surfsup {
 static bool supported() { return true; }
-const Path plain = {"plain", supported, PATH::ROWS, PATH::scratch, PATH::look, PATH::layer, PATH::distance};
+const Path plain = {"plain", supported, PATH::ROWS, PATH::scratch, PATH::look, PATH::layer,
+                     PATH::convolve, PATH::weigh, PATH::within, sizeof(PATH::Search), PATH::distance};
 }  // namespace surfsup

@@ -1,4 +1,4 @@
-// A solid as plain data, for the paths.
+// A solid and a graph as plain data, for the paths.
 #pragma once
 
 #include <cstdint>
@@ -19,6 +19,14 @@ struct Tree {
     const float* numbers;
     const int32_t* parts;
     int32_t root;
+};
+
+// Neighbours as torch keeps them: the edges of particle i are starts[i] up to starts[i + 1], eight kernels an edge.
+// With every edge there is its reverse, whose kernels differ in the sign of all but the first two.
+struct Sparse {
+    int32_t count;
+    const int64_t *starts, *senders;
+    const float* kernels;
 };
 
 }  // namespace surfsup
