@@ -3,6 +3,7 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from surfsup import native
 from surfsup.model.guard import TOLERANCE, guard
 from surfsup.model.state import Surroundings
 from surfsup.scene import SURFACE_CLEARANCE, WALL_CLEARANCE
@@ -50,6 +51,24 @@ def test_no_particle_is_inside_or_outside_afterwards(name, seed):
     assert (surface.distance(kept.positions) >= 0).all()
     assert (kept.positions >= LOWER).all()
     assert (kept.positions <= UPPER).all()
+
+
+@pytest.mark.skipif(not native.paths(), reason="the package was built without a compiler, so there is no native step")
+@pytest.mark.parametrize("name", [*SCENES, "nothing"])
+def test_native_parts_do_what_torch_does(name, monkeypatch):
+    place = around(SCENES.get(name))
+    positions, velocities = drawn(2, 2000)
+    as_given = positions.clone(), velocities.clone()
+    ours = guard(HIGH.expand_as(positions), positions, velocities, place)
+    assert torch.equal(positions, as_given[0])
+    assert torch.equal(velocities, as_given[1])
+    monkeypatch.setattr(native, "paths", list)
+    theirs = guard(HIGH.expand_as(positions), positions, velocities, place)
+    # In a crease or at equal distances rounding may send a particle the other way.
+    alike = (ours.positions - theirs.positions).abs().amax(dim=-1) < 1e-5
+    assert alike.float().mean() > 0.99
+    torch.testing.assert_close(ours.velocities[alike], theirs.velocities[alike], atol=1e-3, rtol=0)
+    assert torch.equal(ours.moved, theirs.moved)
 
 
 @pytest.mark.parametrize("name", SCENES)

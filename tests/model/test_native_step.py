@@ -1,4 +1,5 @@
 import copy
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import pytest
@@ -158,6 +159,16 @@ def test_a_particle_s_answer_does_not_depend_on_the_order_nor_on_the_threads(pat
     assert torch.equal(answers[1][1], answers[2][1])
     again = take(simulator, State(*(value[mixed] for value in vars(state).values())), around(BALL), path)
     torch.testing.assert_close(again[1], answers[1][1][mixed], atol=1e-5, rtol=1e-5)
+
+
+def test_several_threads_of_python_may_step_at_once():
+    simulator, states = model(), [stirred(1500, seed, side=0.4) for seed in range(4)]
+    alone = [take(simulator, state, around(BALL), native.paths()[0]) for state in states]
+    shared = NativeStep(POSITION_SHARE)
+    with ThreadPoolExecutor(4) as pool:
+        for _ in range(5):
+            together = pool.map(lambda state: shared.take(simulator, state, around(BALL)), states)
+            assert all(torch.equal(one[0], other[0]) for one, other in zip(together, alone, strict=True))
 
 
 @every_path

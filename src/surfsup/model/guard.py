@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
 import torch
 from torch import Tensor
 
+from surfsup import native
 from surfsup.model.state import Surroundings
 from surfsup.scene import SURFACE_CLEARANCE, WALL_CLEARANCE
 
@@ -43,6 +45,8 @@ def guard(before: Tensor, positions: Tensor, velocities: Tensor, around: Surroun
         velocities: (N, 3), m/s.
         around: container and solid.
     """
+    if can_guard_natively(positions, velocities, around):
+        return guard_natively(before, positions, velocities, around)
     positions, velocities, moved = into_container(positions, velocities, around)
     if around.surface is None:
         return Guarded(positions, velocities, moved)
@@ -62,6 +66,44 @@ def guard(before: Tensor, positions: Tensor, velocities: Tensor, around: Surroun
     positions = positions.index_copy(0, stuck, before[stuck])
     velocities = velocities.index_fill(0, stuck, 0.0)
     return Guarded(positions, velocities, moved)
+
+
+def can_guard_natively(positions: Tensor, velocities: Tensor, around: Surroundings) -> bool:
+    """Whether the native parts are built, all is single precision on the CPU and no gradient is wanted."""
+    return bool(native.paths()) and all(
+        value.dtype == torch.float32
+        and value.device.type == "cpu"
+        and not (torch.is_grad_enabled() and (value.requires_grad or around.records_gradients()))
+        for value in (positions, velocities, around.lower, around.upper)
+    )
+
+
+def guard_natively(before: Tensor, positions: Tensor, velocities: Tensor, around: Surroundings) -> Guarded:
+    """The same by native parts and NumPy, none of which needs a second thread.
+
+    Torch's threads wait for each other after each of its many small steps; where others compute beside them that took
+    longer than the network.
+    """
+    fluid = (
+        *(value.detach().numpy().copy() for value in (positions, velocities)),
+        np.empty(len(positions), dtype=bool),
+    )
+    guarded = Guarded(*(torch.from_numpy(value) for value in fluid))
+    walls = (around.lower.numpy() + WALL_CLEARANCE, around.upper.numpy() - WALL_CLEARANCE)
+    native.contain(*fluid, *walls)
+    if around.surface is None:
+        return guarded
+    at = np.arange(len(positions))
+    for _ in range(ROUNDS):
+        distance, normal = around.distance_and_normal(torch.from_numpy(fluid[0][at]))
+        told = (distance.float().numpy(), normal.float().contiguous().numpy())
+        at = native.push(*fluid, at, *told, *walls, SURFACE_CLEARANCE, TOLERANCE)
+        if not len(at):
+            return guarded
+    stuck = at[around.distance_and_normal(torch.from_numpy(fluid[0][at]))[0].numpy() < 0]
+    fluid[0][stuck] = before.detach().numpy()[stuck]
+    fluid[1][stuck] = 0.0
+    return guarded
 
 
 def into_container(positions: Tensor, velocities: Tensor, around: Surroundings) -> tuple[Tensor, Tensor, Tensor]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import numpy as np
 import torch
 from torch import Tensor
 
@@ -54,25 +55,22 @@ class NativeStep:
         Raises:
             SimulationError: a position is not finite, or the particles have collapsed into a clump.
         """
-        ahead = state.positions + FRAME_TIME * state.velocities + free_fall_drop(around.gravity)
+        fluid = [value.contiguous().numpy() for value in vars(state).values()]
+        # In NumPy: torch's threads would wait for each other at every one of such small steps.
+        ahead = torch.from_numpy(fluid[0] + np.float32(FRAME_TIME) * fluid[1] + free_fall_drop(around.gravity).numpy())
         distance, normal = around.distance_and_normal(ahead)
-        told = (*vars(state).values(), ahead, distance, normal, around.gravity, around.lower, around.upper)
-        positions, velocities = torch.empty_like(ahead), torch.empty_like(ahead)
+        told = (ahead, distance.float(), normal.float().contiguous(), around.gravity, around.lower, around.upper)
+        positions, velocities = np.empty_like(fluid[0]), np.empty_like(fluid[0])
         radius = simulator.architecture.radius
         most = most_edges(len(ahead), radius)
         edges = self.network_of(simulator).step(
-            *(value.float().contiguous().numpy() for value in told),
-            positions.numpy(),
-            velocities.numpy(),
-            self.path,
-            torch.get_num_threads(),
-            most,
+            *fluid, *(value.numpy() for value in told), positions, velocities, self.path, torch.get_num_threads(), most
         )
         if edges < 0:
             raise blown_up()
         if edges > most:
             raise collapsed(radius)
-        return positions, velocities
+        return torch.from_numpy(positions), torch.from_numpy(velocities)
 
     def network_of(self, simulator: Simulator) -> native.Network:
         """The native network of the weights where they are now."""

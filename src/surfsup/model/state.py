@@ -42,11 +42,20 @@ class State:
 
     def moved_to(self, positions: Tensor, velocities: Tensor) -> State:
         """The state one frame later."""
-        return State(positions, velocities, positions - self.positions, velocities - self.velocities)
+        return State(
+            positions, velocities, difference(positions, self.positions), difference(velocities, self.velocities)
+        )
 
     def detach(self) -> State:
         """The same state without its gradients."""
         return replace(self, **{name: value.detach() for name, value in vars(self).items()})
+
+
+def difference(after: Tensor, before: Tensor) -> Tensor:
+    """What was gained; without gradients by NumPy, whose one thread is done before torch's have woken up."""
+    if after.device.type == "cpu" and not (after.requires_grad or before.requires_grad):
+        return torch.from_numpy(after.numpy() - before.numpy())
+    return after - before
 
 
 def free_fall_lag(gravity: Tensor) -> Tensor:
@@ -87,6 +96,10 @@ class Surroundings:
             torch.tensor(container.upper, device=device),
             torch.tensor(scene.gravity, device=device),
         )
+
+    def records_gradients(self) -> bool:
+        """Whether any parameter of the solid wants a gradient."""
+        return self.surface is not None and self.surface.records_gradients()
 
     def distance_and_normal(self, points: Tensor) -> tuple[Tensor, Tensor]:
         """Signed distance (N,) in metres and normal (N, 3) of the solid; infinite where there is none."""

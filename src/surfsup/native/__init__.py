@@ -11,10 +11,12 @@ if TYPE_CHECKING:
     from surfsup.native._native import (
         Network,
         Solid,
+        contain,
         convolve,
         convolve_back,
         find_pairs,
         paths,
+        push,
         sum_fours,
         sum_fours_back,
     )
@@ -23,19 +25,32 @@ else:
         from surfsup.native._native import (
             Network,
             Solid,
+            contain,
             convolve,
             convolve_back,
             find_pairs,
             paths,
+            push,
             sum_fours,
             sum_fours_back,
         )
     except ImportError:  # the package was installed without a compiler
-        Network = Solid = convolve = convolve_back = find_pairs = sum_fours = sum_fours_back = None
+        Network = Solid = contain = convolve = convolve_back = find_pairs = push = sum_fours = sum_fours_back = None
 
         def paths() -> list[str]:
             """No instruction set: nothing is native."""
             return []
 
 
-__all__ = ["Network", "Solid", "convolve", "convolve_back", "find_pairs", "paths", "sum_fours", "sum_fours_back"]
+__all__ = [
+    "Network",
+    "Solid",
+    "contain",
+    "convolve",
+    "convolve_back",
+    "find_pairs",
+    "paths",
+    "push",
+    "sum_fours",
+    "sum_fours_back",
+]

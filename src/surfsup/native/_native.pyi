@@ -19,6 +19,26 @@ def find_pairs(
         MemoryError: they do not fit into memory.
     """
 
+def contain(positions: Vectors, velocities: Vectors, moved: np.ndarray, lower: Vector, upper: Vector) -> None:
+    """Bring particles (N, 3) between ``lower`` and ``upper``, in place; mark whom that moved in ``moved`` (N,)."""
+
+def push(
+    positions: Vectors,
+    velocities: Vectors,
+    moved: np.ndarray,
+    at: np.ndarray,
+    distance: Values,
+    normal: Vectors,
+    lower: Vector,
+    upper: Vector,
+    clearance: float,
+    tolerance: float,
+) -> np.ndarray:
+    """Push those of the particles ``at`` (K,) that are nearer than ``clearance`` out along the normal, in place.
+
+    ``distance`` (K,) and ``normal`` (K, 3) are those of ``at``. Returns who was pushed, int64.
+    """
+
 def convolve(
     starts: np.ndarray,
     senders: np.ndarray,

@@ -1,8 +1,8 @@
 #include "arena.hpp"
 
 #include <algorithm>
-#include <new>
 
+#include "aligned.hpp"
 #include "frame.hpp"
 
 namespace surfsup {
@@ -11,17 +11,15 @@ void Arena::reset() { current_ = 0, used_ = 0; }
 
 void* Arena::take(int64_t bytes) {
     bytes = (bytes + ALIGNMENT - 1) / ALIGNMENT * ALIGNMENT;
-    while (current_ < chunks_.size() && used_ + bytes > chunks_[current_].size - ALIGNMENT) ++current_, used_ = 0;
+    while (current_ < chunks_.size() && used_ + bytes > chunks_[current_].size) ++current_, used_ = 0;
     if (current_ == chunks_.size()) {
-        const int64_t size = std::max(CHUNK, bytes + ALIGNMENT);
-        std::unique_ptr<char[]> memory(new (std::nothrow) char[static_cast<size_t>(size)]);
+        const int64_t size = std::max(CHUNK, bytes);
+        auto* memory = static_cast<char*>(take_aligned(static_cast<size_t>(size)));
         if (!memory) return nullptr;
-        chunks_.push_back({std::move(memory), size});
+        chunks_.push_back({std::unique_ptr<char, Free>(memory), size});
         used_ = 0;
     }
-    char* start = chunks_[current_].memory.get();
-    start += (ALIGNMENT - reinterpret_cast<uintptr_t>(start) % ALIGNMENT) % ALIGNMENT;
-    void* piece = start + used_;
+    void* piece = chunks_[current_].memory.get() + used_;
     used_ += bytes;
     return piece;
 }

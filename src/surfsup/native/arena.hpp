@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <cstdlib>
 #include <memory>
 #include <vector>
 
@@ -15,9 +16,12 @@ public:
     void reset();
 
 private:
-    static constexpr int64_t CHUNK = 1 << 20, ALIGNMENT = 64;
+    static constexpr int64_t CHUNK = 1 << 21, ALIGNMENT = 64;
+    struct Free {
+        void operator()(char* memory) const { std::free(memory); }
+    };
     struct Chunk {
-        std::unique_ptr<char[]> memory;
+        std::unique_ptr<char, Free> memory;
         int64_t size;
     };
     std::vector<Chunk> chunks_;

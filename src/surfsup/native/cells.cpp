@@ -32,28 +32,32 @@ bool CellList::sort(const float* positions, int32_t count, float radius) {
             lowest[axis] = std::min(lowest[axis], place);
             highest[axis] = std::max(highest[axis], place);
         }
-    // At least three cells an axis: then the 27 around a particle are 27 different ones even when counted modulo.
+    // At least a tile an axis: then the 27 cells around a particle are 27 different ones even when counted modulo.
     const double width = radius * WIDER;
-    for (int axis = 0; axis < 3; ++axis)
-        size_[axis] = std::max(3, cell_along((highest[axis] - lowest[axis]) / width) + 1);
-    const auto total = [&] { return static_cast<int64_t>(size_[0]) * size_[1] * size_[2]; };
-    while (static_cast<double>(size_[0]) * size_[1] * size_[2] > CELLS_A_PARTICLE * count + 64.0) {
+    for (int axis = 0; axis < 3; ++axis) size_[axis] = cell_along((highest[axis] - lowest[axis]) / width) / TILE + 1;
+    constexpr int CELLS = TILE * TILE * TILE;
+    while (static_cast<double>(size_[0]) * size_[1] * size_[2] * CELLS > CELLS_A_PARTICLE * count + 8.0 * CELLS) {
         int32_t& longest = *std::max_element(size_, size_ + 3);
-        longest = std::max(3, (longest + 1) / 2);
+        longest = (longest + 1) / 2;
     }
+    const int64_t total = static_cast<int64_t>(size_[0]) * size_[1] * size_[2] * CELLS;
 
-    first_.assign(static_cast<size_t>(total() + 1), 0);
+    first_.assign(static_cast<size_t>(total + 1), 0);
     unsorted_.resize(static_cast<size_t>(count));
     of_.resize(static_cast<size_t>(count));
     order_.resize(static_cast<size_t>(count));
     for (int64_t i = 0; i < count; ++i) {
-        int32_t cell = 0;
-        for (int axis = 0; axis < 3; ++axis)
-            cell = cell * size_[axis] + cell_along((positions[3 * i + axis] - lowest[axis]) / width) % size_[axis];
+        int32_t tile = 0, in_tile = 0;
+        for (int axis = 0; axis < 3; ++axis) {
+            const int32_t place = cell_along((positions[3 * i + axis] - lowest[axis]) / width) % (TILE * size_[axis]);
+            tile = tile * size_[axis] + place / TILE;
+            in_tile = in_tile * TILE + place % TILE;
+        }
+        const int32_t cell = tile * CELLS + in_tile;
         unsorted_[static_cast<size_t>(i)] = cell;
         ++first_[static_cast<size_t>(cell) + 1];
     }
-    for (int64_t cell = 0; cell < total(); ++cell)
+    for (int64_t cell = 0; cell < total; ++cell)
         first_[static_cast<size_t>(cell) + 1] += first_[static_cast<size_t>(cell)];
     // From the last particle to the first, so that a cell keeps the caller's order; `first_` ends where it began.
     for (int64_t i = count - 1; i >= 0; --i) {

@@ -18,7 +18,7 @@ public:
     const int32_t* order() const { return order_.data(); }
 
 private:
-    int32_t size_[3] = {3, 3, 3};
+    int32_t size_[3] = {1, 1, 1};  // in tiles
     std::vector<int32_t> first_, of_, order_, unsorted_;
 };
 

@@ -45,9 +45,12 @@ struct Edges {
 };
 
 // Particles sorted by cell. Cells are counted modulo the grid's size, so that any extent fits: what falls into the
-// same cell from far away is told apart by its distance.
+// same cell from far away is told apart by its distance. Cells are numbered tile by tile, so that what a particle's
+// neighbours are told of is still in the cache when its turn comes.
+constexpr int TILE = 4;  // cells along each side of one
+
 struct Cells {
-    int32_t size[3];
+    int32_t size[3];  // in tiles
     const int32_t* first;  // (cells + 1)
     const int32_t* of;     // cell of each sorted particle
 };

@@ -12,6 +12,7 @@
 #include <tuple>
 
 #include "convolution.hpp"
+#include "guard.hpp"
 #include "network.hpp"
 #include "solid.hpp"
 
@@ -33,6 +34,7 @@ using Fours = nb::ndarray<const float, nb::shape<-1, 4>, nb::c_contig, nb::devic
 using NewFours = nb::ndarray<float, nb::shape<-1, 4>, nb::c_contig, nb::device::cpu>;
 using Sums = nb::ndarray<const float, nb::shape<-1, surfsup::KERNELS, 4>, nb::c_contig, nb::device::cpu>;
 using NewSums = nb::ndarray<float, nb::shape<-1, surfsup::KERNELS, 4>, nb::c_contig, nb::device::cpu>;
+using NewFlags = nb::ndarray<bool, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
 using NewValues = nb::ndarray<float, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
 using Vector = nb::ndarray<const float, nb::shape<3>, nb::c_contig, nb::device::cpu>;
 
@@ -176,6 +178,27 @@ nb::ndarray<nb::numpy, int64_t, nb::ndim<1>> as_array(std::vector<int64_t>&& val
     return {kept->data(), {kept->size()}, owner};
 }
 
+void contain(NewVectors positions, NewVectors velocities, NewFlags moved, Vector lower, Vector upper) {
+    const size_t count = positions.shape(0);
+    expect(velocities.shape(0), count, "velocities");
+    expect(moved.shape(0), count, "moved");
+    surfsup::contain(positions.data(), velocities.data(), moved.data(), static_cast<int64_t>(count), lower.data(), upper.data());
+}
+
+nb::ndarray<nb::numpy, int64_t, nb::ndim<1>> push(NewVectors positions, NewVectors velocities, NewFlags moved, Indices at,
+                                                  Values distance, Vectors normal, Vector lower, Vector upper,
+                                                  float clearance, float tolerance) {
+    const size_t count = positions.shape(0), size = at.shape(0);
+    expect(velocities.shape(0), count, "velocities");
+    expect(moved.shape(0), count, "moved");
+    expect(distance.shape(0), size, "distance");
+    expect(normal.shape(0), size, "normal");
+    for (size_t k = 0; k < size; ++k)
+        if (at.data()[k] < 0 || at.data()[k] >= static_cast<int64_t>(count)) throw std::out_of_range("there is no such particle");
+    return as_array(surfsup::push(positions.data(), velocities.data(), moved.data(), at.data(), static_cast<int64_t>(size),
+                                  distance.data(), normal.data(), lower.data(), upper.data(), clearance, tolerance));
+}
+
 nb::tuple find_pairs(Vectors positions, double radius, int64_t most_edges, int threads) {
     if (positions.shape(0) >= static_cast<size_t>(std::numeric_limits<int32_t>::max()) / 4)
         throw std::invalid_argument("there are more particles than the native search can count");
@@ -191,28 +214,37 @@ nb::tuple find_pairs(Vectors positions, double radius, int64_t most_edges, int t
 
 }  // namespace
 
-// No array is converted: what is written to a copy would be lost.
+// An argument that is never converted: what is written to a copy would be lost.
+auto array(const char* name) { return nb::arg(name).noconvert(); }
+
 NB_MODULE(_native, module) {
     module.def("paths", [] {
         std::vector<std::string> names;
         for (const surfsup::Path* path : surfsup::paths()) names.emplace_back(path->name);
         return names;
     });
-    module.def("convolve", convolve, "starts"_a.noconvert(), "senders"_a.noconvert(), "kernels"_a.noconvert(), "hidden"_a.noconvert(), "mix"_a.noconvert(), "own"_a.noconvert(), "out"_a.noconvert(), "threads"_a);
-    module.def("convolve_back", convolve_back, "starts"_a.noconvert(), "senders"_a.noconvert(), "kernels"_a.noconvert(), "hidden"_a.noconvert(), "mix"_a.noconvert(), "own"_a.noconvert(),
-               "gradient"_a.noconvert(), "to_hidden"_a.noconvert().none(), "to_mix"_a.noconvert(), "to_own"_a.noconvert(), "threads"_a);
-    module.def("sum_fours", sum_fours, "starts"_a.noconvert(), "senders"_a.noconvert(), "kernels"_a.noconvert(), "values"_a.noconvert(), "sums"_a.noconvert(), "threads"_a);
-    module.def("sum_fours_back", sum_fours_back, "starts"_a.noconvert(), "senders"_a.noconvert(), "kernels"_a.noconvert(), "gradient"_a.noconvert(), "to_values"_a.noconvert(),
+    module.def("convolve", convolve, array("starts"), array("senders"), array("kernels"), array("hidden"), array("mix"),
+               array("own"), array("out"), "threads"_a);
+    module.def("convolve_back", convolve_back, array("starts"), array("senders"), array("kernels"), array("hidden"),
+               array("mix"), array("own"), array("gradient"), array("to_hidden").none(), array("to_mix"), array("to_own"),
                "threads"_a);
-    module.def("find_pairs", find_pairs, "positions"_a.noconvert(), "radius"_a, "most_edges"_a, "threads"_a);
+    module.def("sum_fours", sum_fours, array("starts"), array("senders"), array("kernels"), array("values"), array("sums"),
+               "threads"_a);
+    module.def("sum_fours_back", sum_fours_back, array("starts"), array("senders"), array("kernels"), array("gradient"),
+               array("to_values"), "threads"_a);
+    module.def("contain", contain, array("positions"), array("velocities"), array("moved"), array("lower"), array("upper"));
+    module.def("push", push, array("positions"), array("velocities"), array("moved"), array("at"), array("distance"),
+               array("normal"), array("lower"), array("upper"), "clearance"_a, "tolerance"_a);
+    module.def("find_pairs", find_pairs, array("positions"), "radius"_a, "most_edges"_a, "threads"_a);
     nb::class_<surfsup::Solid>(module, "Solid")
         .def(nb::init<const std::string&, const std::vector<float>&, const std::vector<const surfsup::Solid*>&>(), "kind"_a,
              "numbers"_a, "parts"_a)
-        .def("look", look, "points"_a.noconvert(), "distance"_a.noconvert(), "normal"_a.noconvert(), "threads"_a);
+        .def("look", look, array("points"), array("distance"), array("normal"), "threads"_a);
     nb::class_<HeldNetwork>(module, "Network")
-        .def("__init__", make, nb::kw_only(), "encoder"_a.noconvert(), "factors"_a.noconvert(), "layers"_a, "decoder"_a.noconvert(), "radius"_a, "close"_a,
-             "frame_time"_a, "fall_lag"_a, "reach"_a, "displacement_scale"_a, "velocity_scale"_a, "crowded"_a,
-             "position_share"_a)
-        .def("step", step, "positions"_a.noconvert(), "velocities"_a.noconvert(), "displacement"_a.noconvert(), "velocity_change"_a.noconvert(), "ahead"_a.noconvert(), "distance"_a.noconvert(),
-             "normal"_a.noconvert(), "gravity"_a.noconvert(), "lower"_a.noconvert(), "upper"_a.noconvert(), "new_positions"_a.noconvert(), "new_velocities"_a.noconvert(), "path"_a, "threads"_a, "most_edges"_a);
+        .def("__init__", make, nb::kw_only(), array("encoder"), array("factors"), array("layers"), array("decoder"),
+             "radius"_a, "close"_a, "frame_time"_a, "fall_lag"_a, "reach"_a, "displacement_scale"_a, "velocity_scale"_a,
+             "crowded"_a, "position_share"_a)
+        .def("step", step, array("positions"), array("velocities"), array("displacement"), array("velocity_change"),
+             array("ahead"), array("distance"), array("normal"), array("gravity"), array("lower"), array("upper"),
+             array("new_positions"), array("new_velocities"), "path"_a, "threads"_a, "most_edges"_a);
 }

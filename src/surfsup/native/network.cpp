@@ -78,7 +78,7 @@ void Network::read_weights() {
         for (int64_t output = 0; output < own && from[place] >= 0; ++output)
             encode_in_[static_cast<size_t>(place * width + output)] =
                 given_encode_in_.values[output * ACTIONS + from[place]];
-    const auto square = [&](std::vector<float>& to, const Matrix& matrix) {
+    const auto square = [&](AlignedFloats& to, const Matrix& matrix) {
         to.assign(static_cast<size_t>(width * width), 0.0f);
         transpose(matrix, to.data(), width);
     };
@@ -155,7 +155,7 @@ int64_t Network::step(const Fluid& fluid, const Path& path, int threads, int64_t
     frame.factors = factors_.data();
     frame.hidden[0] = hidden_[0].data(), frame.hidden[1] = hidden_[1].data();
 
-    const int most = threads > 1 && can_thread() ? threads : 1;
+    const int most = std::max(1, threads);
     arenas_.resize(std::max(arenas_.size(), static_cast<size_t>(most)));
     scratch_.resize(std::max(scratch_.size(), static_cast<size_t>(most)));
     for (Arena& arena : arenas_) arena.reset();

@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "aligned.hpp"
 #include "arena.hpp"
 #include "cells.hpp"
 #include "frame.hpp"
@@ -50,16 +51,16 @@ private:
     const float *given_factor_in_bias_, *given_factor_out_bias_;
     std::vector<Layer> given_layers_;
     int width_ = 0, layers_ = 0;
-    std::vector<float> encode_in_, encode_out_, factor_in_, factor_in_bias_, factor_out_, factor_out_bias_, mix_, out_,
+    AlignedFloats encode_in_, encode_out_, factor_in_, factor_in_bias_, factor_out_, factor_out_bias_, mix_, out_,
         decode_in_, decode_out_;
 
     // Kept from step to step; a second caller waits.
     std::mutex stepping_;
     CellList cells_;
-    std::vector<float> x_, y_, z_, velocity_, factors_, hidden_[2];
+    AlignedFloats x_, y_, z_, velocity_, factors_, hidden_[2];
     std::vector<Edges> edges_;
     std::vector<Arena> arenas_;
-    std::vector<std::vector<float>> scratch_;
+    std::vector<AlignedFloats> scratch_;
 };
 
 // The paths that this processor can go, the fastest first.

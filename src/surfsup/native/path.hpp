@@ -100,6 +100,11 @@ constexpr int GATHERED = 1;
 
 inline int32_t wrapped(int32_t cell, int32_t size) { return cell < 0 ? cell + size : cell >= size ? cell - size : cell; }
 
+// What a cell's place along one axis adds to its number, where `tiles` is how many tiles further one is in memory.
+inline int32_t number_along(int32_t cell, int32_t tiles, int32_t cells) {
+    return cell / TILE * (tiles * TILE * TILE * TILE) + cell % TILE * cells;
+}
+
 // Room for `count` places and a vector more.
 inline bool make_room(Arena& arena, int64_t count, Places& places) {
     const int64_t room = (count + 2 * LANES - 1) / LANES * LANES;
@@ -119,30 +124,26 @@ struct Search {
 // Copies what is in the cells around `cell`, filled up to whole vectors by what is infinitely far.
 inline bool see_cell(const Frame& frame, int32_t cell, Search& search, Arena& arena) {
     const Cells& cells = frame.cells;
-    const int32_t nz = cells.size[2], ny = cells.size[1], nx = cells.size[0];
-    const int32_t cz = cell % nz, cy = cell / nz % ny, cx = cell / nz / ny;
+    const int32_t *tiles = cells.size, tile = cell / (TILE * TILE * TILE), in_tile = cell % (TILE * TILE * TILE);
+    const int32_t x = tile / (tiles[1] * tiles[2]) * TILE + in_tile / (TILE * TILE);
+    const int32_t y = tile / tiles[2] % tiles[1] * TILE + in_tile / TILE % TILE;
+    const int32_t z = tile % tiles[2] * TILE + in_tile % TILE;
     int32_t begin[27], end[27];
     int ranges = 0;
     search.cell = cell + 1;
     search.count = 0;
-    const auto add = [&](int32_t first, int32_t last) {
-        begin[ranges] = cells.first[first], end[ranges] = cells.first[last + 1];
-        search.count += end[ranges] - begin[ranges];
-        if (begin[ranges] < end[ranges]) ++ranges;
-    };
     for (int dx = -1; dx <= 1; ++dx)
-        for (int dy = -1; dy <= 1; ++dy) {
-            const int32_t row = (wrapped(cx + dx, nx) * ny + wrapped(cy + dy, ny)) * nz;
-            if (cz == 0) {
-                add(row + nz - 1, row + nz - 1);
-                add(row, row + 1);
-            } else if (cz == nz - 1) {
-                add(row + nz - 2, row + nz - 1);
-                add(row, row);
-            } else {
-                add(row + cz - 1, row + cz + 1);
+        for (int dy = -1; dy <= 1; ++dy)
+            for (int dz = -1; dz <= 1; ++dz) {
+                const int32_t number =
+                    number_along(wrapped(x + dx, TILE * tiles[0]), tiles[1] * tiles[2], TILE * TILE) +
+                    number_along(wrapped(y + dy, TILE * tiles[1]), tiles[2], TILE) +
+                    number_along(wrapped(z + dz, TILE * tiles[2]), 1, 1);
+                const int32_t first = cells.first[number], last = cells.first[number + 1];
+                if (first == last) continue;
+                begin[ranges] = first, end[ranges++] = last;
+                search.count += last - first;
             }
-        }
     if (search.count > search.room || search.room == 0) {
         search.room = 2 * search.count + 1;
         if (!make_room(arena, search.room, search.candidates) || !make_room(arena, search.room, search.within) ||
@@ -301,6 +302,40 @@ inline void observe(const Frame& frame, int32_t i, float* acts, float* lie) {
     for (int column = LIMITED_ROOM + 21; column < ROW; ++column) acts[column] = 0.0f;
 }
 
+// How many particles before its turn what a particle needs is fetched: first its neighbours and their kernels, then what
+// these say. Its addresses are known too late for the processor to do that by itself.
+constexpr int32_t EDGES_AHEAD = 3, HIDDEN_AHEAD = 1, CALLER_AHEAD = 12;
+constexpr int64_t FETCHED = 64;  // bytes
+
+// GCC takes a function that only fetches for one that does nothing, and leaves out its calls; so these are none.
+#define ALWAYS_INLINE inline __attribute__((always_inline))
+
+ALWAYS_INLINE void fetch(const void* from, int64_t bytes) {
+    for (int64_t at = 0; at < bytes; at += FETCHED) __builtin_prefetch(static_cast<const char*>(from) + at);
+}
+
+ALWAYS_INLINE void fetch_ahead(const Frame& frame, int32_t i, const float* hidden, int width) {
+    if (i + EDGES_AHEAD < frame.count) {
+        const Edges& edges = frame.edges[i + EDGES_AHEAD];
+        const int64_t near = edges.near, far = edges.all - near;
+        fetch(edges.kernels, 4 * ((KERNELS + 1) * near + (4 + 1) * far));  // and behind them the neighbours
+    }
+    if (i + HIDDEN_AHEAD < frame.count) {
+        const Edges& edges = frame.edges[i + HIDDEN_AHEAD];
+        for (int32_t e = 0; e < edges.all; ++e)
+            fetch(hidden + static_cast<int64_t>(edges.senders[e]) * width, 4 * static_cast<int64_t>(width));
+    }
+}
+
+// The caller's particles lie in another order.
+ALWAYS_INLINE void fetch_caller(const Frame& frame, int32_t i) {
+    if (i + CALLER_AHEAD >= frame.count) return;
+    const int64_t at = frame.order[i + CALLER_AHEAD];
+    const float* const vectors[] = {frame.velocities, frame.displacement, frame.velocity_change, frame.ahead, frame.normal};
+    for (const float* one : vectors) __builtin_prefetch(one + 3 * at);
+    __builtin_prefetch(frame.distance + at);
+}
+
 int64_t look(const Frame& frame, int32_t begin, int32_t end, Arena& arena, float* scratch) {
     const Weights& w = frame.weights;
     const int width = w.width;
@@ -311,6 +346,7 @@ int64_t look(const Frame& frame, int32_t begin, int32_t end, Arena& arena, float
         const int here = end - block < ROWS ? end - block : ROWS;
         for (int row = 0; row < here; ++row) {
             const int32_t i = block + row, cell = frame.cells.of[i];
+            fetch_caller(frame, i);
             if (cell + 1 != search.cell && !see_cell(frame, cell, search, arena)) return -1;
             if (!find_edges(frame, i, search, arena)) return -1;
             edges += frame.edges[i].all;
@@ -388,6 +424,7 @@ void layer(const Frame& frame, int number, int32_t begin, int32_t end, float* sc
         for (int row = 0; row < here; ++row) {
             const Edges& edges = frame.edges[block + row];
             float* to = sums + static_cast<int64_t>(row) * depth;
+            fetch_ahead(frame, block + row, hidden, width);
             int column = 0;
             for (; column + GATHERED * LANES <= width; column += GATHERED * LANES)
                 gather<GATHERED>(edges, hidden + column, width, to + column);

@@ -9,7 +9,7 @@
 namespace surfsup {
 namespace {
 
-constexpr int32_t PORTION = 512;
+constexpr int32_t PORTION = 4096;
 
 struct Description {
     const char* name;

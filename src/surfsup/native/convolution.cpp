@@ -1,0 +1,192 @@
+#include "convolution.hpp"
+
+#include <algorithm>
+#include <atomic>
+#include <cstring>
+#include <new>
+
+#include "aligned.hpp"
+#include "arena.hpp"
+#include "cells.hpp"
+#include "frame.hpp"
+#include "network.hpp"
+#include "threads.hpp"
+
+namespace surfsup {
+namespace {
+
+constexpr int32_t PORTION = 48;  // particles, a multiple of every path's rows
+constexpr int SLICES = 8;        // of the particles, whose sums are made apart and then added, always in this order
+constexpr float WIDER = 1.0001f; // a first look in single precision, before the exact one
+constexpr float PARITY[KERNELS] = {1, 1, -1, -1, -1, -1, -1, -1};
+
+const Path& fastest() {
+    static const Path& path = *paths().front();
+    return path;
+}
+
+std::vector<AlignedFloats> scratch_of(int threads, int width) {
+    const auto size = static_cast<size_t>(fastest().rows * (KERNELS + 2) * width);
+    return std::vector<AlignedFloats>(static_cast<size_t>(std::max(1, threads)), AlignedFloats(size));
+}
+
+// Rows (inputs by kernel, then the own inputs) from matrices with a row an output.
+AlignedFloats inputs_first(int width, const float* mix, const float* own) {
+    AlignedFloats weights(static_cast<size_t>((KERNELS + 1) * width * width));
+    for (int m = 0; m <= KERNELS; ++m) {
+        const float* matrix = m < KERNELS ? mix + m * width * width : own;
+        float* to = weights.data() + m * width * width;
+        for (int input = 0; input < width; ++input)
+            for (int output = 0; output < width; ++output) to[input * width + output] = matrix[output * width + input];
+    }
+    return weights;
+}
+
+}  // namespace
+
+void convolve(const Sparse& edges, int width, const float* hidden, const float* mix, const float* own, float* out,
+              int threads) {
+    const AlignedFloats weights = inputs_first(width, mix, own);
+    auto scratch = scratch_of(threads, width);
+    in_parallel(threads, edges.count, PORTION, [&](int thread, int32_t begin, int32_t end) {
+        fastest().convolve(edges, width, hidden, weights.data(), false, out, begin, end,
+                           scratch[static_cast<size_t>(thread)].data());
+    });
+}
+
+void convolve_back(const Sparse& edges, int width, const float* hidden, const float* mix, const float* own,
+                   const float* gradient, float* to_hidden, float* to_mix, float* to_own, int threads) {
+    const auto square = static_cast<size_t>(width * width);
+    auto scratch = scratch_of(threads, width);
+    if (to_hidden) {
+        AlignedFloats weights(mix, mix + KERNELS * square);  // a row an output: for gradients those are the inputs
+        weights.insert(weights.end(), own, own + square);
+        in_parallel(threads, edges.count, PORTION, [&](int thread, int32_t begin, int32_t end) {
+            fastest().convolve(edges, width, gradient, weights.data(), true, to_hidden, begin, end,
+                               scratch[static_cast<size_t>(thread)].data());
+        });
+    }
+    std::vector<AlignedFloats> slices(SLICES, AlignedFloats((KERNELS + 1) * square, 0.0f));
+    in_parallel(threads, SLICES, 1, [&](int thread, int32_t slice, int32_t) {
+        const auto begin = static_cast<int32_t>(static_cast<int64_t>(edges.count) * slice / SLICES);
+        const auto end = static_cast<int32_t>(static_cast<int64_t>(edges.count) * (slice + 1) / SLICES);
+        fastest().weigh(edges, width, hidden, gradient, slices[static_cast<size_t>(slice)].data(), begin, end,
+                        scratch[static_cast<size_t>(thread)].data());
+    });
+    for (int slice = 1; slice < SLICES; ++slice)
+        for (size_t k = 0; k < slices[0].size(); ++k) slices[0][k] += slices[static_cast<size_t>(slice)][k];
+    for (int m = 0; m <= KERNELS; ++m) {
+        const float* from = slices[0].data() + static_cast<size_t>(m) * square;
+        float* to = m < KERNELS ? to_mix + static_cast<size_t>(m) * square : to_own;
+        for (int output = 0; output < width; ++output)
+            for (int input = 0; input < width; ++input) to[output * width + input] = from[input * width + output];
+    }
+}
+
+void sum_fours(const Sparse& edges, const float* values, float* sums, int threads) {
+    in_parallel(threads, edges.count, PORTION, [&](int, int32_t begin, int32_t end) {
+        for (int32_t i = begin; i < end; ++i) {
+            float to[KERNELS][4] = {};
+            for (int64_t e = edges.starts[i]; e < edges.starts[i + 1]; ++e)
+                for (int m = 0; m < KERNELS; ++m)
+                    for (int c = 0; c < 4; ++c) to[m][c] += edges.kernels[KERNELS * e + m] * values[4 * edges.senders[e] + c];
+            std::memcpy(sums + static_cast<int64_t>(i) * KERNELS * 4, to, sizeof to);
+        }
+    });
+}
+
+void sum_fours_back(const Sparse& edges, const float* gradient, float* to_values, int threads) {
+    in_parallel(threads, edges.count, PORTION, [&](int, int32_t begin, int32_t end) {
+        for (int32_t i = begin; i < end; ++i) {
+            float to[4] = {};
+            for (int64_t e = edges.starts[i]; e < edges.starts[i + 1]; ++e) {
+                const float* from = gradient + edges.senders[e] * KERNELS * 4;
+                for (int m = 0; m < KERNELS; ++m)
+                    for (int c = 0; c < 4; ++c) to[c] += PARITY[m] * edges.kernels[KERNELS * e + m] * from[4 * m + c];
+            }
+            std::memcpy(to_values + static_cast<int64_t>(i) * 4, to, sizeof to);
+        }
+    });
+}
+
+Pairs find_pairs(const float* positions, int32_t count, float radius, double exact_radius, int64_t most_edges, int threads) {
+    Pairs pairs;
+    CellList cells;
+    if (count > 0 && !cells.sort(positions, count, radius * WIDER)) {
+        pairs.edges = -1;
+        return pairs;
+    }
+    const int32_t* order = cells.order();
+    std::vector<float> places[3];
+    for (int axis = 0; axis < 3; ++axis) {
+        places[axis].resize(static_cast<size_t>(count) + 16);
+        for (int32_t i = 0; i < count; ++i)
+            places[axis][static_cast<size_t>(i)] = positions[3 * static_cast<int64_t>(order[i]) + axis];
+    }
+    Frame frame{};
+    frame.count = count;
+    frame.constants.radius = radius * WIDER;
+    frame.cells = cells.cells();
+    frame.x = places[0].data(), frame.y = places[1].data(), frame.z = places[2].data();
+
+    const int most = std::max(1, threads);
+    const Path& path = fastest();
+    std::vector<Arena> arenas(static_cast<size_t>(most));
+    std::vector<std::vector<char>> searches(static_cast<size_t>(most), std::vector<char>(static_cast<size_t>(path.search_bytes)));
+    struct List {
+        int32_t* senders = nullptr;
+        int64_t count = 0;
+    };
+    std::vector<List> lists(static_cast<size_t>(count));
+    std::atomic<int64_t> edges{0};
+    std::atomic<bool> enough{true};
+    in_parallel(most, count, PORTION, [&](int thread, int32_t begin, int32_t end) {
+        if (!enough || edges > most_edges) return;
+        const auto t = static_cast<size_t>(thread);
+        int64_t here = 0;
+        for (int32_t i = begin; i < end; ++i) {
+            const int32_t* found = nullptr;
+            const int64_t near = path.within(frame, i, arenas[t], searches[t].data(), found);
+            auto* kept = near < 0 ? nullptr : static_cast<int32_t*>(arenas[t].take(4 * near));
+            if (!kept) {
+                enough = false;
+                return;
+            }
+            const int32_t caller = order[i];
+            int64_t size = 0;
+            for (int64_t k = 0; k < near; ++k) {
+                const int32_t other = order[found[k]];
+                double squared = 0;
+                for (int axis = 0; axis < 3; ++axis) {
+                    const double apart = static_cast<double>(positions[3 * static_cast<int64_t>(other) + axis]) -
+                                         positions[3 * static_cast<int64_t>(caller) + axis];
+                    squared += apart * apart;
+                }
+                if (squared <= exact_radius * exact_radius) kept[size++] = other;
+            }
+            std::sort(kept, kept + size);
+            lists[static_cast<size_t>(caller)] = {kept, size};
+            here += size;
+        }
+        edges += here;
+    });
+    if (!enough) throw std::bad_alloc();
+    pairs.edges = edges;
+    if (edges > most_edges) return pairs;
+    pairs.starts.resize(static_cast<size_t>(count) + 1);
+    pairs.receivers.resize(static_cast<size_t>(edges));
+    pairs.senders.resize(static_cast<size_t>(edges));
+    int64_t at = 0;
+    for (int32_t i = 0; i < count; ++i) {
+        pairs.starts[static_cast<size_t>(i)] = at;
+        const List& list = lists[static_cast<size_t>(i)];
+        for (int64_t k = 0; k < list.count; ++k, ++at) {
+            pairs.receivers[static_cast<size_t>(at)] = i;
+            pairs.senders[static_cast<size_t>(at)] = list.senders[k];
+        }
+    }
+    pairs.starts.back() = at;
+    return pairs;
+}
+
+}  // namespace surfsup

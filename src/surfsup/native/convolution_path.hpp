@@ -1,0 +1,113 @@
+// The convolution of convolution.hpp, compiled once a path.
+#pragma once
+
+#include "path.hpp"
+
+namespace PATH {
+namespace {
+
+using surfsup::Sparse;
+
+// Sums over the neighbours of particle i of VECTORS vectors of channels, for every kernel apart.
+template <int VECTORS>
+inline void gather_edges(const Sparse& edges, int32_t i, const float* values, int width, bool back, float* to) {
+    Floats sums[KERNELS][VECTORS];
+#pragma GCC unroll 8
+    for (int m = 0; m < KERNELS; ++m)
+#pragma GCC unroll 2
+        for (int v = 0; v < VECTORS; ++v) sums[m][v] = Floats{};
+    for (int64_t e = edges.starts[i]; e < edges.starts[i + 1]; ++e) {
+        const float *from = values + edges.senders[e] * width, *kernel = edges.kernels + KERNELS * e;
+        Floats sent[VECTORS];
+#pragma GCC unroll 2
+        for (int v = 0; v < VECTORS; ++v) sent[v] = load(from + v * LANES);
+#pragma GCC unroll 8
+        for (int m = 0; m < KERNELS; ++m) {
+            const Floats weight = splat(kernel[m]);
+#pragma GCC unroll 2
+            for (int v = 0; v < VECTORS; ++v) sums[m][v] += weight * sent[v];
+        }
+    }
+#pragma GCC unroll 8
+    for (int m = 0; m < KERNELS; ++m)
+#pragma GCC unroll 2
+        for (int v = 0; v < VECTORS; ++v) store(to + m * width + v * LANES, back && m > 1 ? -sums[m][v] : sums[m][v]);
+}
+
+// The eight sums of a particle, and behind them its own values.
+inline void gather_row(const Sparse& edges, int32_t i, const float* values, int width, bool back, float* to) {
+    int column = 0;
+    for (; column + GATHERED * LANES <= width; column += GATHERED * LANES)
+        gather_edges<GATHERED>(edges, i, values + column, width, back, to + column);
+    for (; column < width; column += LANES) gather_edges<1>(edges, i, values + column, width, back, to + column);
+    std::memcpy(to + KERNELS * width, values + static_cast<int64_t>(i) * width, 4 * static_cast<size_t>(width));
+}
+
+void convolve(const Sparse& edges, int width, const float* values, const float* weights, bool back, float* out,
+              int32_t begin, int32_t end, float* sums) {
+    const int depth = (KERNELS + 1) * width;
+    for (int32_t block = begin; block < end; block += ROWS) {
+        const int here = end - block < ROWS ? end - block : ROWS;
+        for (int row = 0; row < here; ++row) gather_row(edges, block + row, values, width, back, sums + row * depth);
+        product(sums, depth, depth, weights, width, [&](int row, int column, Floats sum) {
+            if (row < here) store(out + static_cast<int64_t>(block + row) * width + column, sum);
+        });
+    }
+}
+
+// to[k][column] += sum over a block's rows of a[row][k] * b[row][column], for VECTORS vectors of columns.
+template <int VECTORS>
+inline void add_outer(const float* a, int64_t depth, const float* b, int64_t b_row, float* to, int64_t to_row) {
+    Floats columns[ROWS][VECTORS];
+#pragma GCC unroll 12
+    for (int row = 0; row < ROWS; ++row)
+#pragma GCC unroll 2
+        for (int v = 0; v < VECTORS; ++v) columns[row][v] = load(b + row * b_row + v * LANES);
+    for (int64_t k = 0; k < depth; ++k) {
+        Floats sums[VECTORS];
+#pragma GCC unroll 2
+        for (int v = 0; v < VECTORS; ++v) sums[v] = load(to + k * to_row + v * LANES);
+#pragma GCC unroll 12
+        for (int row = 0; row < ROWS; ++row) {
+            const Floats value = splat(a[row * depth + k]);
+#pragma GCC unroll 2
+            for (int v = 0; v < VECTORS; ++v) sums[v] += value * columns[row][v];
+        }
+#pragma GCC unroll 2
+        for (int v = 0; v < VECTORS; ++v) store(to + k * to_row + v * LANES, sums[v]);
+    }
+}
+
+void weigh(const Sparse& edges, int width, const float* values, const float* gradient, float* to, int32_t begin,
+           int32_t end, float* sums) {
+    const int depth = (KERNELS + 1) * width;
+    float* wanted = sums + ROWS * depth;
+    for (int32_t block = begin; block < end; block += ROWS) {
+        const int here = end - block < ROWS ? end - block : ROWS;
+        for (int row = 0; row < ROWS; ++row) {
+            float* row_wanted = wanted + row * width;
+            if (row < here) {
+                gather_row(edges, block + row, values, width, false, sums + row * depth);
+                std::memcpy(row_wanted, gradient + static_cast<int64_t>(block + row) * width, 4 * static_cast<size_t>(width));
+            } else {
+                std::memset(sums + row * depth, 0, 4 * static_cast<size_t>(depth));
+                std::memset(row_wanted, 0, 4 * static_cast<size_t>(width));
+            }
+        }
+        int column = 0;
+        for (; column + 2 * LANES <= width; column += 2 * LANES)
+            add_outer<2>(sums, depth, wanted + column, width, to + column, width);
+        for (; column < width; column += LANES) add_outer<1>(sums, depth, wanted + column, width, to + column, width);
+    }
+}
+
+int64_t within(const Frame& frame, int32_t i, Arena& arena, void* memory, const int32_t*& to) {
+    auto& search = *static_cast<Search*>(memory);
+    const int32_t cell = frame.cells.of[i];
+    if (cell + 1 != search.cell && !see_cell(frame, cell, search, arena)) return -1;
+    to = search.within.index;
+    return find_within(frame, i, search, frame.constants.radius);
+}
+
+}  // namespace
+}  // namespace PATH
