@@ -175,7 +175,7 @@ def test_a_particle_s_answer_does_not_depend_on_the_order_nor_on_the_threads(pat
 def test_several_threads_of_python_may_step_at_once():
     simulator, states = model(), [stirred(1500, seed, side=0.4) for seed in range(4)]
     alone = [take(simulator, state, around(BALL), native.paths()[0]) for state in states]
-    shared = NativeStep(POSITION_SHARE)
+    shared = NativeStep()
     with ThreadPoolExecutor(4) as pool:
         for _ in range(5):
             together = pool.map(lambda state: shared.take(simulator, state, around(BALL)), states)

@@ -14,7 +14,7 @@ from surfsup.model.correction import LARGEST, POSITION_SHARE
 from surfsup.model.features import CROWDED, DISPLACEMENT_SCALE, REACH, THICKEST, VELOCITY_SCALE
 from surfsup.model.neighbours import blown_up, collapsed, most_edges
 from surfsup.model.network import ConvolutionNetwork
-from surfsup.model.state import FRAME_TIME, State, Surroundings, free_fall_lag
+from surfsup.model.state import FRAME_TIME, State, Surroundings, free_fall_drop, free_fall_lag
 
 if TYPE_CHECKING:
     from surfsup.model.simulator import Simulator
