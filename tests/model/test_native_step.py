@@ -12,7 +12,7 @@ from surfsup.errors import SimulationError
 from surfsup.model import weights
 from surfsup.model.features import DISPLACEMENT_SCALE
 from surfsup.model.native_step import NativeStep
-from surfsup.model.simulator import POSITION_SHARE, Architecture, Simulator
+from surfsup.model.simulator import Architecture, Simulator
 from surfsup.model.state import FRAME_TIME, State, Surroundings
 from surfsup.sdf import Box, Sphere, Surface, Transformed
 
@@ -58,7 +58,7 @@ def by_torch(simulator: Simulator, state: State, place: Surroundings) -> tuple[t
 
 
 def take(simulator: Simulator, state: State, place: Surroundings, path: str) -> tuple[torch.Tensor, torch.Tensor]:
-    return NativeStep(POSITION_SHARE, path).take(simulator, state, place)
+    return NativeStep(path).take(simulator, state, place)
 
 
 def assert_equal(ours: tuple[torch.Tensor, torch.Tensor], simulator: Simulator, state: State, place: Surroundings):
@@ -116,6 +116,17 @@ def test_nothing_one_and_two_particles(path):
 
 
 @every_path
+def test_corrections_without_bounds_are_shortened_as_torch_shortens_them(path):
+    simulator, state = model(), stirred(300)
+    torch.nn.init.normal_(simulator.network.decoder[-1].weight, std=1e3)
+    positions, velocities = take(simulator, state, around(BALL), path)
+    change = (velocities - state.velocities - FRAME_TIME * GRAVITY).norm(dim=-1)
+    assert change.median() == pytest.approx(5.0, rel=1e-4)
+    assert change.max() <= 5.001
+    assert_equal((positions, velocities), simulator, state, around(BALL))
+
+
+@every_path
 def test_particles_on_top_of_each_other(path):
     simulator, one = model(), stirred(1)
     state = State(*(value.repeat(100, 1) for value in vars(one).values()))
@@ -164,7 +175,7 @@ def test_a_particle_s_answer_does_not_depend_on_the_order_nor_on_the_threads(pat
 def test_several_threads_of_python_may_step_at_once():
     simulator, states = model(), [stirred(1500, seed, side=0.4) for seed in range(4)]
     alone = [take(simulator, state, around(BALL), native.paths()[0]) for state in states]
-    shared = NativeStep(POSITION_SHARE)
+    shared = NativeStep()
     with ThreadPoolExecutor(4) as pool:
         for _ in range(5):
             together = pool.map(lambda state: shared.take(simulator, state, around(BALL)), states)

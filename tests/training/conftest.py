@@ -16,7 +16,7 @@ SCENE = Scene.from_yaml(
     "container: {size: [0.4, 0.4, 0.6]}\n"
     "surface: {sphere: {radius: 0.1}, at: [0, 0, 0.1]}\n"
     f"frames: {FRAMES}\n"
-    "fluid: [{block: {min: [-0.08, -0.08, 0.22], max: [0.07, 0.07, 0.34], velocity: [0, 0, -2]}}]",
+    "fluid: [{block: {min: [-0.08, -0.08, 0.22], max: [0.07, 0.07, 0.44], velocity: [0, 0, -1.4]}}]",
     "test",
 )
 MESSAGE_PASSING = ("surfsup", "surfsup-velocity", "value-only", "no-sdf", "gns")

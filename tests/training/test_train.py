@@ -57,7 +57,7 @@ def test_a_run_leaves_checkpoint_log_and_the_best_weights(tmp_path, data):
     assert card.seen.sides == (0.4, 0.4)
     assert card.seen.surfaces == ("sphere",)
     assert card.seen.gravity == pytest.approx((9.014, 9.81), rel=1e-3)
-    assert 2 < card.seen.fastest < 4
+    assert 1.4 < card.seen.fastest < 4
 
 
 def test_a_checkpoint_is_written_between_rollouts_too(tmp_path, data, monkeypatch):

@@ -155,8 +155,8 @@ class Crew:
 def on_one_core(job: Callable[..., T], *arguments: object) -> T:
     """Do ``job(*arguments)`` in this thread without help from others.
 
-    Many jobs run side by side. The other threads of a parallel loop of torch, when they have done their part, spin for a
-    while in wait of the next, and took more of the cores that way than all the work had in it.
+    Many jobs run side by side. The other threads of a parallel loop of torch, when they have done their part, spin
+    for a while in wait of the next, and took more of the cores that way than all the work had in it.
     """
     import torch
 

@@ -12,6 +12,9 @@ from surfsup.model.state import FRAME_TIME, State, Surroundings, free_fall_lag
 REACH = 0.09
 DISPLACEMENT_SCALE = 3e-4  # metres: the spread of one frame's correction to ballistic motion (measured)
 VELOCITY_SCALE = 1.0  # m/s
+# The largest kernel sums found in true water, of either sign. A model has learned nothing of what is beyond, and
+# factors made of such sums throw particles out of the water at hundreds of metres a second.
+THICKEST = (3.2, 1.8, 2.5, 2.5, 2.5, 1.5, 1.5, 1.5)
 CROWDED = 0.6  # sum of the close window above which neighbours are nearer than on the lattice, where it is 0.53
 
 ACTIONS = 51
@@ -45,7 +48,8 @@ def observe_features(
     The columns of what acts: lag (3), change of velocity beyond gravity (3), nearness to the solid (1), its normal
     times that (3), speed away from the solid times that (1), nearness to the six walls (6), speed away from each times
     that (6), kernel sums of the neighbours' velocity against the particle's own (24), crowding (1) and its
-    direction (3). How the neighbours lie: kernel sums of one (8), that is density and its slope.
+    direction (3). How the neighbours lie: kernel sums of one (8), that is density and its slope, no larger than in true
+    water.
     """
     pushed = FRAME_TIME * (state.velocity_change - FRAME_TIME * around.gravity) / DISPLACEMENT_SCALE
     near_solid = nearness(distance)[:, None]
@@ -72,7 +76,8 @@ def observe_features(
         ],
         dim=-1,
     )
-    return acts, density
+    thickest = density.new_tensor(THICKEST)
+    return acts, torch.minimum(torch.maximum(density, -thickest), thickest)
 
 
 def nearness(distance: Tensor) -> Tensor:

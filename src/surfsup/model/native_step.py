@@ -10,7 +10,8 @@ from torch import Tensor
 
 from surfsup import native
 from surfsup.model.convolution import CLOSE
-from surfsup.model.features import CROWDED, DISPLACEMENT_SCALE, REACH, VELOCITY_SCALE
+from surfsup.model.correction import LARGEST, POSITION_SHARE
+from surfsup.model.features import CROWDED, DISPLACEMENT_SCALE, REACH, THICKEST, VELOCITY_SCALE
 from surfsup.model.neighbours import blown_up, collapsed, most_edges
 from surfsup.model.network import ConvolutionNetwork
 from surfsup.model.state import FRAME_TIME, State, Surroundings, free_fall_drop, free_fall_lag
@@ -26,18 +27,16 @@ class NativeStep:
     not count what its fused optimisers write).
 
     Args:
-        position_share: of a velocity correction that shows in the displacement.
         path: the instruction set to use; the best that the processor has, unless named.
     """
 
-    def __init__(self, position_share: float, path: str | None = None) -> None:
-        self.position_share = position_share
+    def __init__(self, path: str | None = None) -> None:
         self.path = path or next(iter(native.paths()), "")
         self.network: native.Network | None = None
         self.made_of: list[int] = []  # where the weights lay; the network keeps that memory from being given to others
 
-    def __reduce__(self) -> tuple[type[NativeStep], tuple[float, str]]:
-        return NativeStep, (self.position_share, self.path)  # a copy makes its own network
+    def __reduce__(self) -> tuple[type[NativeStep], tuple[str]]:
+        return NativeStep, (self.path,)  # a copy makes its own network
 
     def can_take(self, state: State, around: Surroundings, network: ConvolutionNetwork) -> bool:
         """Whether it may stand in: it is built, no gradient is wanted, all is single precision on the CPU."""
@@ -76,11 +75,11 @@ class NativeStep:
         """The native network of the weights where they are now."""
         weights = [weight.data_ptr() for weight in simulator.network.parameters()]
         if self.network is None or weights != self.made_of:
-            self.network, self.made_of = native_network(simulator, self.position_share), weights
+            self.network, self.made_of = native_network(simulator), weights
         return self.network
 
 
-def native_network(simulator: Simulator, position_share: float) -> native.Network:
+def native_network(simulator: Simulator) -> native.Network:
     """The native twin of a simulator's network, whose weights it shares."""
     network = simulator.network
 
@@ -101,5 +100,7 @@ def native_network(simulator: Simulator, position_share: float) -> native.Networ
         displacement_scale=DISPLACEMENT_SCALE,
         velocity_scale=VELOCITY_SCALE,
         crowded=CROWDED,
-        position_share=position_share,
+        position_share=POSITION_SHARE,
+        largest=LARGEST,
+        thickest=THICKEST,
     )

@@ -9,16 +9,17 @@ import torch
 from torch import Tensor
 
 from surfsup.model.convolution import Graph, graph, join
-from surfsup.model.features import ACTIONS, DISPLACEMENT_SCALE, SURROUNDINGS, lag, observe_features
+from surfsup.model.correction import POSITION_SHARE, Correction
+from surfsup.model.energy import without_gain
+from surfsup.model.features import ACTIONS, SURROUNDINGS, lag, observe_features
 from surfsup.model.guard import guard
 from surfsup.model.learned_simulator import LearnedSimulator
 from surfsup.model.native_step import NativeStep
 from surfsup.model.neighbours import neighbourhood
 from surfsup.model.network import ConvolutionNetwork
-from surfsup.model.state import FRAME_TIME, State, Surroundings, free_fall_drop
+from surfsup.model.state import State, Surroundings
 
 OUTPUTS = 8
-POSITION_SHARE = 0.62  # of a frame's velocity correction that shows in its displacement (measured)
 
 
 @dataclass(frozen=True)
@@ -43,6 +44,7 @@ class Observation:
     Attributes:
         state: the fluid now.
         ahead: (N, 3) where ballistic motion would take it, metres.
+        falling: (N, 3) its velocity there, m/s.
         gravity: (3,) or (N, 3), m/s².
         acts: (N, 51), what acts on each particle.
         lie: (N, 8), how its neighbours lie.
@@ -51,23 +53,11 @@ class Observation:
 
     state: State
     ahead: Tensor
+    falling: Tensor
     gravity: Tensor
     acts: Tensor
     lie: Tensor
     graph: Graph
-
-
-@dataclass(frozen=True)
-class Correction:
-    """What the network adds to ballistic motion, in DISPLACEMENT_SCALE.
-
-    Attributes:
-        velocity: (N, 3), to the end velocity times the frame time.
-        position: (N, 3), to the position.
-    """
-
-    velocity: Tensor
-    position: Tensor
 
 
 class Simulator(LearnedSimulator[State]):
@@ -79,7 +69,7 @@ class Simulator(LearnedSimulator[State]):
     def __init__(self, architecture: Architecture) -> None:
         super().__init__(architecture)
         self.network = ConvolutionNetwork(ACTIONS, SURROUNDINGS, OUTPUTS, architecture.width, architecture.layers)
-        self.native = NativeStep(POSITION_SHARE)
+        self.native = NativeStep()
 
     @property
     def past(self) -> int:
@@ -96,11 +86,11 @@ class Simulator(LearnedSimulator[State]):
 
     def observe(self, state: State, around: Surroundings) -> Observation:
         """See ``state``: advance it ballistically, find neighbours and distances there."""
-        ahead = state.positions + FRAME_TIME * state.velocities + free_fall_drop(around.gravity)
+        ahead, falling = state.ballistic(around.gravity)
         distance, normal = around.distance_and_normal(ahead)
         seen = graph(ahead, neighbourhood(ahead, self.architecture.radius), self.architecture.radius)
         acts, lie = observe_features(state, ahead, distance, normal, around, seen)
-        return Observation(state, ahead, around.gravity, acts, lie, seen)
+        return Observation(state, ahead, falling, around.gravity, acts, lie, seen)
 
     def correct(self, seen: Observation) -> Correction:
         """The network's correction to ballistic motion.
@@ -112,27 +102,24 @@ class Simulator(LearnedSimulator[State]):
         late = lag(seen.state, seen.gravity)
         velocity = out[:, 0:3] + 2 * torch.sigmoid(out[:, 6:7]) * late
         position = POSITION_SHARE * velocity + 0.3 * out[:, 3:6] + (torch.sigmoid(out[:, 7:8]) - 0.5) * late
-        return Correction(velocity, position)
+        return Correction(velocity, position).bounded()
 
     def advance(self, seen: Observation, correction: Correction) -> tuple[Tensor, Tensor]:
         """Positions (N, 3) and velocities (N, 3) one frame later, before the guard."""
-        positions = seen.ahead + DISPLACEMENT_SCALE * correction.position
-        velocities = (
-            seen.state.velocities + FRAME_TIME * seen.gravity + DISPLACEMENT_SCALE / FRAME_TIME * correction.velocity
-        )
-        return positions, velocities
+        return correction.added_to(seen.ahead, seen.falling)
 
     def step(self, state: State, around: Surroundings, guarded: bool = True) -> tuple[State, Tensor]:
         """The state one frame later, and which particles (N,) the guard had to move.
 
-        On a CPU, where no gradient is wanted, the native step does what :meth:`observe`, :meth:`correct` and
-        :meth:`advance` do, up to rounding.
+        What it would gain in mechanical energy is cut back, then comes the guard. On a CPU, where no gradient is
+        wanted, the native step does what :meth:`observe`, :meth:`correct` and :meth:`advance` do, up to rounding.
         """
         if self.native.can_take(state, around, self.network):
             positions, velocities = self.native.take(self, state, around)
         else:
             seen = self.observe(state, around)
             positions, velocities = self.advance(seen, self.correct(seen))
+        positions, velocities = without_gain(state, positions, velocities, around.gravity)
         moved = torch.zeros(len(positions), dtype=torch.bool, device=positions.device)
         if guarded:
             kept = guard(state.positions, positions, velocities, around)
@@ -146,6 +133,7 @@ def join_observations(parts: list[Observation]) -> Observation:
     return Observation(
         State(*(torch.cat([getattr(state, name) for state in states]) for name in vars(states[0]))),
         torch.cat([part.ahead for part in parts]),
+        torch.cat([part.falling for part in parts]),
         torch.cat([part.gravity.expand_as(part.ahead) for part in parts]),
         torch.cat([part.acts for part in parts]),
         torch.cat([part.lie for part in parts]),

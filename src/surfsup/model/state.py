@@ -40,6 +40,13 @@ class State:
             (FRAME_TIME * gravity).expand_as(velocities),
         )
 
+    def ballistic(self, gravity: Tensor) -> tuple[Tensor, Tensor]:
+        """Positions (N, 3) in metres and velocities (N, 3) in m/s one frame later if only ``gravity`` (3,) acts."""
+        return (
+            self.positions + FRAME_TIME * self.velocities + free_fall_drop(gravity),
+            self.velocities + FRAME_TIME * gravity,
+        )
+
     def moved_to(self, positions: Tensor, velocities: Tensor) -> State:
         """The state one frame later."""
         return State(

@@ -125,6 +125,8 @@ class Network:
         velocity_scale: float,
         crowded: float,
         position_share: float,
+        largest: float,
+        thickest: tuple[float, ...],
     ) -> None:
         """Copy the weights.
 

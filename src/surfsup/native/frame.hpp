@@ -1,6 +1,7 @@
 // What one step of the network works on: plain pointers, so that every path can be compiled by itself.
 #pragma once
 
+#include <array>
 #include <cstdint>
 
 #include "tree.hpp"
@@ -24,6 +25,8 @@ struct Constants {
     float displacement_scale, velocity_scale;
     float crowded;               // sum of the close window above which neighbours are too near
     float position_share;        // of a velocity correction that shows in the displacement
+    float largest;           // largest velocity correction, in displacement_scale
+    std::array<float, KERNELS> thickest;  // largest kernel sums that the factors are told of
 };
 
 // Weights as the products take them: a row an input, a column an output; `width` is a multiple of 16, what is

@@ -1,6 +1,7 @@
 // The face of the native step in Python: surfsup.native._native.
 #include <nanobind/nanobind.h>
 #include <nanobind/ndarray.h>
+#include <nanobind/stl/array.h>
 #include <nanobind/stl/optional.h>
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/tuple.h>
@@ -64,7 +65,7 @@ struct HeldNetwork {
 void make(HeldNetwork* network, std::tuple<Weight, Weight> encoder, std::tuple<Weight, Bias, Weight, Bias> factors,
           const std::vector<std::tuple<Weight, Weight, Weight>>& layers, std::tuple<Weight, Weight> decoder, float radius,
           float close, float frame_time, float fall_lag, float reach, float displacement_scale, float velocity_scale,
-          float crowded, float position_share) {
+          float crowded, float position_share, float largest, const std::array<float, surfsup::KERNELS>& thickest) {
     const auto& [factor_in, factor_in_bias, factor_out, factor_out_bias] = factors;
     expect(factor_in_bias.shape(0), factor_in.shape(0), "a bias of the factors");
     expect(factor_out_bias.shape(0), factor_out.shape(0), "a bias of the factors");
@@ -79,7 +80,8 @@ void make(HeldNetwork* network, std::tuple<Weight, Weight> encoder, std::tuple<W
     new (network) HeldNetwork{
         std::move(weights),
         {factor_in_bias, factor_out_bias},
-        {{radius, close, frame_time, fall_lag, reach, displacement_scale, velocity_scale, crowded, position_share},
+        {{radius, close, frame_time, fall_lag, reach, displacement_scale, velocity_scale, crowded, position_share,
+          largest, thickest},
          matrix(encode_in), matrix(encode_out), matrix(factor_in), factor_in_bias.data(), matrix(factor_out),
          factor_out_bias.data(), all, matrix(decode_in), matrix(decode_out)}};
 }
@@ -243,7 +245,7 @@ NB_MODULE(_native, module) {
     nb::class_<HeldNetwork>(module, "Network")
         .def("__init__", make, nb::kw_only(), array("encoder"), array("factors"), array("layers"), array("decoder"),
              "radius"_a, "close"_a, "frame_time"_a, "fall_lag"_a, "reach"_a, "displacement_scale"_a, "velocity_scale"_a,
-             "crowded"_a, "position_share"_a)
+             "crowded"_a, "position_share"_a, "largest"_a, "thickest"_a)
         .def("step", step, array("positions"), array("velocities"), array("displacement"), array("velocity_change"),
              array("ahead"), array("distance"), array("normal"), array("gravity"), array("lower"), array("upper"),
              array("new_positions"), array("new_velocities"), "path"_a, "threads"_a, "most_edges"_a);

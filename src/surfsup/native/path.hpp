@@ -299,6 +299,10 @@ inline void observe(const Frame& frame, int32_t i, float* acts, float* lie) {
     const float crowding = lie[1] - c.crowded < 0.0f ? 0.0f : lie[1] - c.crowded;
     rest[17] = crowding;
     for (int axis = 0; axis < 3; ++axis) rest[18 + axis] = crowding * lie[5 + axis];
+    for (int m = 0; m < KERNELS; ++m) {
+        const float most = c.thickest[m];
+        lie[m] = lie[m] > most ? most : lie[m] < -most ? -most : lie[m];
+    }
     for (int column = LIMITED_ROOM + 21; column < ROW; ++column) acts[column] = 0.0f;
 }
 
@@ -381,14 +385,19 @@ inline void advance(const Frame& frame, int32_t i, float* out) {
     const int64_t caller = frame.order[i];
     float gates[OUTPUT_ROOM];
     for (int first = 0; first < OUTPUT_ROOM; first += LANES) store(gates + first, sigmoid(load(out + first)));
+    float velocity[3], position[3], square = 0.0f;
     for (int axis = 0; axis < 3; ++axis) {
         const float late = lag(frame, caller, axis);
-        const float velocity = out[axis] + 2.0f * gates[6] * late;
-        const float position = c.position_share * velocity + 0.3f * out[3 + axis] + (gates[7] - 0.5f) * late;
+        velocity[axis] = out[axis] + 2.0f * gates[6] * late;
+        position[axis] = c.position_share * velocity[axis] + 0.3f * out[3 + axis] + (gates[7] - 0.5f) * late;
+        square += velocity[axis] * velocity[axis];
+    }
+    const float share = square > c.largest * c.largest ? c.largest / __builtin_sqrtf(square) : 1.0f;
+    for (int axis = 0; axis < 3; ++axis) {
         const int64_t at = 3 * caller + axis;
-        frame.new_positions[at] = frame.ahead[at] + c.displacement_scale * position;
+        frame.new_positions[at] = frame.ahead[at] + c.displacement_scale * share * position[axis];
         frame.new_velocities[at] = frame.velocities[at] + c.frame_time * frame.gravity[axis] +
-                                   c.displacement_scale / c.frame_time * velocity;
+                                   c.displacement_scale / c.frame_time * share * velocity[axis];
     }
 }
 

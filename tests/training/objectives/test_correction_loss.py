@@ -3,8 +3,9 @@ import math
 import pytest
 import torch
 
+from surfsup.model.correction import Correction
 from surfsup.model.features import DISPLACEMENT_SCALE
-from surfsup.model.simulator import Architecture, Correction, Simulator
+from surfsup.model.simulator import Architecture, Simulator
 from surfsup.model.state import FRAME_TIME, State, Surroundings
 from surfsup.training.objectives.correction_loss import ENERGY_CELL, RETURN, energy_loss, motion_loss, wanted_correction
 

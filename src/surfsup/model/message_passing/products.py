@@ -4,8 +4,8 @@ On the CPU that path is oneDNN: at 24,300 x 128 by 128 x 128 it does 210 GFLOP/s
 which ``torch.nn.functional.linear`` takes, does 92 (an AMD EPYC with AVX-512, measured).
 
 Both oneDNN and torch's layer above it keep what they prepared for a thousand sizes of every kind of product, some
-0.7 MB apiece, and no two graphs have the same number of edges: training held 7.7 GB and grew. So they are told to keep few,
-which they read from the environment at their first product; a value that is set there already stands.
+0.7 MB apiece, and no two graphs have the same number of edges: training held 7.7 GB and grew. So they are told to keep
+few, which they read from the environment at their first product; a value that is set there already stands.
 """
 
 from __future__ import annotations

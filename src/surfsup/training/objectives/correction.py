@@ -9,7 +9,8 @@ import torch
 from torch import Tensor
 
 from surfsup.model.convolution import Graph
-from surfsup.model.simulator import POSITION_SHARE, Correction, Observation, Simulator, join_observations
+from surfsup.model.correction import POSITION_SHARE, Correction
+from surfsup.model.simulator import Observation, Simulator, join_observations
 from surfsup.model.state import FRAME_TIME, State
 from surfsup.training.config import Phase
 from surfsup.training.objectives.correction_loss import (

@@ -5,8 +5,9 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
+from surfsup.model.correction import Correction
 from surfsup.model.features import DISPLACEMENT_SCALE
-from surfsup.model.simulator import Correction, Observation
+from surfsup.model.simulator import Observation
 from surfsup.model.state import FRAME_TIME
 
 NEAR_SURFACE = 0.09  # metres, the supplement's threshold

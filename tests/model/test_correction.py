@@ -1,0 +1,29 @@
+import torch
+
+from surfsup.model.correction import LARGEST, Correction
+from surfsup.model.features import DISPLACEMENT_SCALE
+from surfsup.model.state import FRAME_TIME
+
+
+def test_the_largest_correction_is_five_metres_a_second():
+    assert LARGEST * DISPLACEMENT_SCALE / FRAME_TIME == 5.0
+
+
+def test_smaller_corrections_are_as_they_were():
+    small = Correction(torch.tensor([[0.0, 0.0, 0.0], [LARGEST, 0.0, 0.0]]), torch.tensor([[9.0, 0, 0], [7.0, 0, 0]]))
+    bounded = small.bounded()
+    torch.testing.assert_close(bounded.velocity, small.velocity)
+    torch.testing.assert_close(bounded.position, small.position)
+
+
+def test_a_larger_one_keeps_its_direction_and_its_share_of_displacement():
+    large = Correction(torch.tensor([[0.0, 2 * LARGEST, 0.0]]), torch.tensor([[1.0, 2.0, 3.0]])).bounded()
+    torch.testing.assert_close(large.velocity, torch.tensor([[0.0, LARGEST, 0.0]]))
+    torch.testing.assert_close(large.position, torch.tensor([[0.5, 1.0, 1.5]]))
+
+
+def test_added_to_what_falls():
+    one = Correction(torch.tensor([[1.0, 0.0, 0.0]]), torch.tensor([[0.0, 1.0, 0.0]]))
+    positions, velocities = one.added_to(torch.zeros(1, 3), torch.ones(1, 3))
+    torch.testing.assert_close(positions, torch.tensor([[0.0, DISPLACEMENT_SCALE, 0.0]]))
+    torch.testing.assert_close(velocities, torch.tensor([[1.0 + DISPLACEMENT_SCALE / FRAME_TIME, 1.0, 1.0]]))

@@ -1,0 +1,77 @@
+import math
+
+import torch
+
+from surfsup.model.energy import GAIN, energy_gain, without_gain
+from surfsup.model.simulator import Architecture, Simulator
+from surfsup.model.state import State, Surroundings
+
+GRAVITY = torch.tensor([0.0, 0.0, -9.81])
+
+
+def water(count: int = 50, seed: int = 0) -> State:
+    random = torch.Generator().manual_seed(seed)
+    positions = torch.rand(count, 3, generator=random) * 0.3 + 0.5
+    velocities = torch.randn(count, 3, generator=random)
+    return State.in_free_fall(positions, velocities, GRAVITY)
+
+
+def test_the_gain_of_a_hand_worked_case():
+    state = State.in_free_fall(torch.zeros(2, 3), torch.zeros(2, 3), GRAVITY)
+    higher = torch.tensor([[0.0, 0.0, 0.1], [0.0, 0.0, 0.0]])
+    faster = torch.tensor([[0.0, 0.0, 0.0], [2.0, 0.0, 0.0]])
+    assert math.isclose(energy_gain(state, higher, faster, GRAVITY), (9.81 * 0.1 + 2.0) / 2, rel_tol=1e-6)
+
+
+def test_ballistic_motion_gains_nothing_however_it_moves():
+    for seed in range(20):
+        state = water(seed=seed)
+        assert energy_gain(state, *state.ballistic(GRAVITY), GRAVITY) <= 1e-6
+
+
+def test_a_step_that_gains_nothing_is_left_as_it_is():
+    state = water()
+    positions, velocities = state.ballistic(GRAVITY)
+    slower = 0.9 * velocities
+    assert without_gain(state, positions, slower, GRAVITY) == (positions, slower)
+
+
+def test_the_particle_that_is_thrown_is_held_back_and_the_others_keep_their_corrections():
+    state = water()
+    positions, velocities = state.ballistic(GRAVITY)
+    wanted = 0.99 * velocities
+    wanted[7] += torch.tensor([0.0, 0.0, 30.0])
+    kept_positions, kept = without_gain(state, positions, wanted, GRAVITY)
+    assert energy_gain(state, kept_positions, kept, GRAVITY) <= GAIN
+    others = torch.arange(len(kept)) != 7
+    torch.testing.assert_close(kept[others], wanted[others])
+    assert (kept[7] - velocities[7]).norm() < 5
+
+
+def test_where_every_correction_adds_energy_little_of_them_is_left():
+    state = water()
+    positions, velocities = state.ballistic(GRAVITY)
+    kept_positions, kept = without_gain(state, positions, 3 * velocities, GRAVITY)
+    assert energy_gain(state, kept_positions, kept, GRAVITY) <= GAIN
+
+
+def test_what_is_no_number_stays_so():
+    state = water()
+    positions, velocities = state.ballistic(GRAVITY)
+    velocities[3] = torch.nan
+    _, kept = without_gain(state, positions, velocities, GRAVITY)
+    assert kept[3].isnan().all()
+
+
+@torch.no_grad()
+def test_no_weights_whatever_make_the_water_gain_energy():
+    around = Surroundings(None, torch.tensor([-9.0, -9.0, -9.0]), torch.tensor([9.0, 9.0, 9.0]), GRAVITY)
+    for seed in range(5):
+        torch.manual_seed(seed)
+        simulator = Simulator(Architecture(width=8, layers=2))
+        torch.nn.init.normal_(simulator.network.decoder[-1].weight, std=100.0)
+        state = water(seed=seed)
+        for _ in range(5):
+            after, _ = simulator.step(state, around)
+            assert energy_gain(state, after.positions, after.velocities, GRAVITY) <= GAIN
+            state = after
