@@ -74,3 +74,10 @@ def test_what_cannot_end_is_not_started(tmp_path):
     with pytest.raises(InputError, match="MB are free; give fewer --frames"):
         OutputFolder(tmp_path / "new", 1_000_000_000, 1_000_000)
     assert not (tmp_path / "new").exists()
+
+
+def test_a_trajectory_that_cannot_be_written_is_said_in_one_line(tmp_path):
+    folder = OutputFolder(tmp_path / "out", COUNT, 12)
+    folder.trajectory.mkdir(parents=True)  # a folder where the file should go
+    with pytest.raises(InputError, match="cannot be written"):
+        record(folder, frames())

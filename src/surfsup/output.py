@@ -88,24 +88,24 @@ class OutputFolder:
 
         An interrupt leaves a readable trajectory of the frames done and their summary, and goes on to the caller.
         """
-        began, simulating, done = time.perf_counter(), 0.0, 0
+        began, simulating = time.perf_counter(), 0.0
         strays: list[tuple[int, int]] = []
         source = iter(frames)
+        writer = TrajectoryWriter(self.trajectory, scene, provenance, len(start.positions))
         try:
-            with TrajectoryWriter(self.trajectory, scene, provenance, len(start.positions)) as writer:
+            with writer:
                 while True:
                     before = time.perf_counter()
                     frame = next(source, None)
                     # The step to frame 1 carries the set-up: maps, first touches of memory.
-                    simulating += time.perf_counter() - before if done > 1 else 0.0
+                    simulating += time.perf_counter() - before if writer.frames > 1 else 0.0
                     if frame is None:
                         break
                     strays.append(count_strays(scene.container, surface, frame[0]))
                     writer.append(*frame)
-                    done = writer.frames
-                    tell(done, scene.frames)
+                    tell(writer.frames, scene.frames)
         finally:
-            done = writer.frames  # an interrupt may have come before it was told
+            done = writer.frames  # an interrupt may have come between a frame and anything that counts it
             inside, outside = (sum(counts) for counts in zip((0, 0), *strays[:done], strict=True))
             summary = Summary(
                 particles=len(start.positions),
