@@ -1,5 +1,6 @@
 """Recipes: which scenes a data set is made of. A file a recipe."""
 
+from surfsup.datasets.recipes.assorted import Assorted
 from surfsup.datasets.recipes.bowls import Bowls
 from surfsup.datasets.recipes.chairs import Chairs
 from surfsup.datasets.recipes.complex_scenes import ComplexScenes
@@ -10,7 +11,8 @@ from surfsup.datasets.recipes.prim_unions import PrimUnions
 from surfsup.datasets.recipes.recipe import Recipe
 
 RECIPES: dict[str, type[Recipe]] = {
-    recipe.name: recipe for recipe in (PrimShapes, PrimUnions, Funnels, Bowls, Chairs, ComplexScenes, Mountain)
+    recipe.name: recipe
+    for recipe in (PrimShapes, PrimUnions, Funnels, Bowls, Chairs, ComplexScenes, Mountain, Assorted)
 }
 
 __all__ = ["RECIPES", "Recipe"]

@@ -1,0 +1,51 @@
+"""Assorted scenes: sound, and of everything that the other recipes never vary."""
+
+import numpy as np
+import pytest
+import torch
+
+from surfsup.datasets.recipes.assorted import CLEAR, TRIES, free_block, is_clear
+from surfsup.scene import Block, Container, Fluid
+from surfsup.sdf import Box
+from tests.datasets.recipes.drawn import scenes, written_and_read
+
+SCENES = scenes("assorted", 60)
+
+
+@pytest.mark.parametrize("index", range(60))
+def test_every_scene_is_sound(index):
+    scene = written_and_read(SCENES[index])
+    assert scene.model_dump() == SCENES[index].model_dump()
+    surface = scene.build_surface()
+    start = scene.start(surface)
+    assert start.left_out == 0
+    assert 200 <= len(start.positions) <= 10_000
+    if surface is not None:
+        with torch.no_grad():
+            assert float(surface.distance(torch.from_numpy(start.positions)).min()) > CLEAR
+
+
+def test_every_sixth_scene_has_no_solid():
+    assert [scene.surface is None for scene in SCENES] == [index % 6 == 5 for index in range(60)]
+
+
+def test_container_gravity_velocity_and_blocks_vary():
+    assert np.ptp([scene.container.size[0] for scene in SCENES]) > 0.4
+    strength = [np.linalg.norm(scene.gravity) for scene in SCENES]
+    assert min(strength) < 7
+    assert max(strength) > 12
+    assert 10 < sum(abs(scene.gravity[0]) > 1e-3 for scene in SCENES) < 30
+    assert {len(scene.fluid) for scene in SCENES} == {1, 2}
+    thrown = [any(entry.block.velocity != (0, 0, 0) for entry in scene.fluid) for scene in SCENES]
+    assert 20 < sum(thrown) < 55
+
+
+def test_a_block_near_a_solid_is_refused():
+    assert not is_clear(Block(min=(0, 0, 1), max=(0.3, 0.3, 1.3)), Box((0.5, 0.5, 2.04)))
+    assert is_clear(Block(min=(0, 0, 1), max=(0.3, 0.3, 1.3)), Box((0.5, 0.5, 1.9)))
+
+
+def test_where_there_is_no_room_for_a_second_block_there_is_none():
+    small = Container(size=(0.62, 0.62, 0.65))
+    full = [Fluid(block=Block(min=(-0.3, -0.3, 0.01), max=(0.3, 0.3, 0.6)))]
+    assert free_block(small, None, full, np.random.default_rng(TRIES)) == []
