@@ -1,0 +1,67 @@
+"""The program: its verbs by name, and how it ends.
+
+Heavy imports stay inside the verbs, so that help is instant.
+"""
+
+from __future__ import annotations
+
+import sys
+import warnings
+from typing import Annotated
+
+import typer
+
+from surfsup import __version__
+from surfsup.cli.compare import compare
+from surfsup.cli.doctor import doctor
+from surfsup.cli.evaluate import evaluate
+from surfsup.cli.generate import floor, generate
+from surfsup.cli.reference import reference
+from surfsup.cli.simulate import simulate
+from surfsup.cli.status import BAD_INPUT, FAULT, INTERRUPTED
+from surfsup.cli.train import train
+from surfsup.cli.view import render, view
+from surfsup.cli.warning_lines import one_line_warnings
+from surfsup.errors import InputError, SimulationError
+
+app = typer.Typer(
+    name="surfsup",
+    help="Pour water on any surface.",
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+)
+
+for verb in (simulate, reference, generate, floor, train, evaluate, compare, view, render, doctor):
+    app.command()(verb)
+
+
+@app.callback(invoke_without_command=True)
+def surfsup(
+    context: typer.Context,
+    version: Annotated[bool, typer.Option("--version", help="Print the version.")] = False,
+) -> None:
+    """Pour water on any surface."""
+    if version:
+        typer.echo(__version__)
+    elif context.invoked_subcommand is None:
+        typer.echo(context.get_help())
+
+
+def main() -> None:
+    """Run the command line; exit with 0, 2 for bad input, 1 for a fault of ours, 130 when interrupted."""
+    warnings.showwarning = one_line_warnings()
+    try:
+        status = app(standalone_mode=False)
+    except (InputError, typer.TyperException) as error:
+        message = error.format_message() if isinstance(error, typer.TyperException) else str(error)
+        sys.stderr.write(f"surfsup: {message}\n")
+        sys.exit(BAD_INPUT)
+    except SimulationError as error:
+        sys.stderr.write(f"surfsup: {error}\n")
+        sys.exit(FAULT)
+    except (KeyboardInterrupt, typer.Abort):
+        status = INTERRUPTED
+    if status == INTERRUPTED:
+        sys.stderr.write("surfsup: interrupted; what was finished is kept\n")
+    sys.exit(status if isinstance(status, int) else 0)

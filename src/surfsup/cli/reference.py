@@ -1,0 +1,67 @@
+"""`surfsup reference`: water by the reference solver."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from surfsup.cli.options import (
+    At,
+    BlockMax,
+    BlockMin,
+    ContainerSize,
+    Fit,
+    Frames,
+    NoFit,
+    NoPage,
+    NoVideo,
+    Out,
+    Source,
+    Turn,
+    Up,
+)
+from surfsup.cli.results import open_folder, show
+from surfsup.cli.scene_source import read_scene
+from surfsup.progress import bar
+
+
+def reference(
+    source: Source,
+    out: Out = None,
+    frames: Frames = None,
+    fit: Fit = 0.7,
+    no_fit: NoFit = False,
+    up: Up = None,
+    turn: Turn = 0.0,
+    at: At = None,
+    block_min: BlockMin = None,
+    block_max: BlockMax = None,
+    container: ContainerSize = None,
+    threads: Annotated[int, typer.Option(min=1, help="Threads of the solver.")] = 1,
+    no_page: NoPage = False,
+    no_video: NoVideo = False,
+) -> None:
+    """Simulate the same scene with SPlisHSPlasH, the ground truth.
+
+    Example: surfsup reference bunny.obj -o out/bunny-truth
+    """
+    from surfsup.reference import solver
+    from surfsup.trajectory import Provenance
+
+    scene = read_scene(source, frames, None if no_fit else fit, up, turn, at, block_min, block_max, container)
+    surface = scene.build_surface()
+    start = scene.start(surface)
+    solver.require()
+    folder = open_folder(out, source, scene, start, pictures=not no_video)
+    with bar("simulating with SPlisHSPlasH") as tell:
+        summary = folder.record(
+            scene,
+            surface,
+            start,
+            solver.simulate(scene, surface, start, threads),
+            Provenance(solver.NAME),
+            "cpu",
+            tell,
+        )
+    show(folder, summary, start.left_out, no_page, no_video)

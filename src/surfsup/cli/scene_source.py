@@ -1,0 +1,45 @@
+"""The scene that a command line speaks of: a scene file, or a mesh and options."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import typer
+
+from surfsup.cli.options import Vector
+from surfsup.errors import InputError
+
+if TYPE_CHECKING:
+    from surfsup.scene import Scene
+
+
+def read_scene(
+    source: Path,
+    frames: int | None,
+    fit: float | None,
+    up: str | None,
+    turn: float,
+    at: Vector | None,
+    block_min: Vector | None,
+    block_max: Vector | None,
+    container: Vector | None,
+) -> Scene:
+    """The scene file ``source``, or the scene of water on the mesh ``source``; says how the mesh was placed."""
+    from surfsup.scene import Scene
+    from surfsup.scene.pour import Placing, pour_on_mesh
+    from surfsup.scene.scene import checked_block, checked_container
+
+    if source.suffix.lower() in (".yaml", ".yml"):
+        placed = up or turn or at or block_min or block_max or container
+        if placed:
+            raise InputError(f"{source}: a scene file places everything itself; change it there, not by options")
+        scene = Scene.load(source)
+        return scene if frames is None else scene.with_frames(frames)
+    if (block_min is None) != (block_max is None):
+        raise InputError("--block-min and --block-max go together")
+    block = checked_block(block_min, block_max) if block_min and block_max else None
+    placing = Placing(fit, up, turn, at or (0.0, 0.0, 0.0))
+    scene, said = pour_on_mesh(source, placing, checked_container(container), block, frames or 800)
+    typer.echo(said)
+    return scene
