@@ -100,6 +100,19 @@ def test_any_width_and_any_number_of_layers(path, width, layers):
 
 
 @every_path
+@pytest.mark.parametrize(("width", "messages"), [(32, 16), (48, 16), (48, 32), (32, 5), (24, 20), (7, 1)])
+def test_neighbours_that_are_told_of_some_channels_only(path, width, messages):
+    simulator, state = model(width=width, layers=3, messages=messages), stirred(150)
+    assert_equal(take(simulator, state, around(BALL), path), simulator, state, around(BALL))
+
+
+def test_neighbours_are_told_of_one_channel_at_least_and_of_all_at_most():
+    for messages in (0, 33):
+        with pytest.raises(ValueError, match=f"messages is {messages}, but must be 1 to 32, the width"):
+            Architecture(width=32, messages=messages)
+
+
+@every_path
 def test_another_radius(path):
     simulator, state = model(radius=0.045), stirred(300)
     assert_equal(take(simulator, state, around(), path), simulator, state, around())

@@ -6,20 +6,32 @@ itself, but for the frames in which it is at a loss and throws particles about.
 
 from __future__ import annotations
 
+import numpy as np
 from torch import Tensor
 
 from surfsup.model.correction import LARGEST, Correction
 from surfsup.model.features import DISPLACEMENT_SCALE
-from surfsup.model.state import FRAME_TIME, State
+from surfsup.model.state import FRAME_TIME, State, difference
 
 GAIN = 2e-3  # J/kg a frame: what a sound model gains now and then, of the 5 to 15 that a scene begins with
 HALVINGS = 10
 
 
-def energy_gain(state: State, positions: Tensor, velocities: Tensor, gravity: Tensor) -> Tensor:
-    """How much mechanical energy a step from ``state`` to these positions and velocities (N, 3) adds, mean J/kg."""
-    kinetic = (velocities.square() - state.velocities.square()).sum(dim=-1) / 2
-    return (kinetic - ((positions - state.positions) * gravity).sum(dim=-1)).mean()
+def energy_gain(state: State, positions: Tensor, velocities: Tensor, gravity: Tensor) -> float:
+    """How much mechanical energy a step from ``state`` to these positions and velocities (N, 3) adds, mean J/kg.
+
+    It decides what is done, and no gradient goes through it; so on the CPU NumPy adds it up, whose one thread is done
+    before torch's have woken up.
+    """
+    change = difference(velocities.detach(), state.velocities.detach())
+    moved = difference(positions.detach(), state.positions.detach())
+    if change.device.type != "cpu":
+        kinetic = (change * (velocities + state.velocities).detach()).sum(dim=-1) / 2
+        return float((kinetic - (moved * gravity).sum(dim=-1)).mean())
+    change, moved = change.numpy(), moved.numpy()
+    mean_velocity = (velocities.detach().numpy() + state.velocities.detach().numpy()) / 2
+    kinetic = np.einsum("ij,ij->", change, mean_velocity)
+    return float(kinetic - moved.sum(axis=0) @ gravity.detach().numpy()) / max(1, len(change))
 
 
 def without_gain(state: State, positions: Tensor, velocities: Tensor, gravity: Tensor) -> tuple[Tensor, Tensor]:

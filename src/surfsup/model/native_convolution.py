@@ -19,7 +19,8 @@ FOUR = 4  # values a particle that the kernel sums are compiled for
 
 def can_convolve(graph: Graph, hidden: Tensor, mix: Tensor) -> bool:
     """Whether :class:`NativeConvolution` is built and made for these."""
-    return can_sum(graph, hidden) and hidden.shape[1] % CHANNELS == 0 and mix.dtype == torch.float32
+    whole = hidden.shape[1] % CHANNELS == 0 and mix.shape[1] % CHANNELS == 0
+    return can_sum(graph, hidden) and whole and mix.dtype == torch.float32
 
 
 def can_sum(graph: Graph, values: Tensor) -> bool:
@@ -34,11 +35,14 @@ def can_sum(graph: Graph, values: Tensor) -> bool:
 
 
 class NativeConvolution(torch.autograd.Function):
-    """own h_i + sum_j sum_m k_m(i, j) mix_m h_j; nothing of N x 8 x C is kept: going back makes the sums anew."""
+    """own h_i + sum_j sum_m k_m(i, j) mix_m h_j, of whose channels the first M count.
+
+    Nothing of N x 8 x M is kept: going back makes the sums anew.
+    """
 
     @staticmethod
     def forward(context: Any, hidden: Tensor, mix: Tensor, own: Tensor, graph: Graph) -> Tensor:
-        """Hidden (N, C), mix (8C, C), own (C, C) -> (N, C)."""
+        """Hidden (N, C), mix (8C, M), own (C, C) -> (N, C)."""
         hidden, mix, own = hidden.contiguous(), mix.contiguous(), own.contiguous()
         context.save_for_backward(hidden, mix, own)
         context.graph = graph

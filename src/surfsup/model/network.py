@@ -14,9 +14,9 @@ from surfsup.model.convolution import KERNELS, Graph, convolve
 class Layer(nn.Module):
     """One step of message passing: a convolution over neighbours, then a small perceptron, then a skip."""
 
-    def __init__(self, width: int) -> None:
+    def __init__(self, width: int, messages: int) -> None:
         super().__init__()
-        self.mix = nn.Linear(width, KERNELS * width, bias=False)
+        self.mix = nn.Linear(messages, KERNELS * width, bias=False)
         self.own = nn.Linear(width, width, bias=False)
         self.out = nn.Linear(width, width, bias=False)
 
@@ -27,15 +27,19 @@ class Layer(nn.Module):
 
 
 class ConvolutionNetwork(nn.Module):
-    """Encoder, ``layers`` steps of message passing of ``width`` channels, decoder."""
+    """Encoder, ``layers`` steps of message passing of ``width`` channels, decoder.
 
-    def __init__(self, actions: int, surroundings: int, outputs: int, width: int, layers: int) -> None:
+    A particle's neighbours are told of its first ``messages`` channels only: what is told costs eight times as much as
+    what is kept.
+    """
+
+    def __init__(self, actions: int, surroundings: int, outputs: int, width: int, layers: int, messages: int) -> None:
         super().__init__()
         self.encoder = nn.Sequential(
             nn.Linear(actions, width, bias=False), nn.SiLU(), nn.Linear(width, width, bias=False)
         )
         self.factors = nn.Sequential(nn.Linear(surroundings, width), nn.SiLU(), nn.Linear(width, 2 * width))
-        self.layers = nn.ModuleList(Layer(width) for _ in range(layers))
+        self.layers = nn.ModuleList(Layer(width, messages) for _ in range(layers))
         self.decoder = nn.Sequential(
             nn.Linear(width, width, bias=False), nn.SiLU(), nn.Linear(width, outputs, bias=False)
         )

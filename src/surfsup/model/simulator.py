@@ -30,11 +30,22 @@ class Architecture:
         width: channels of every particle.
         layers: steps of message passing.
         radius: connectivity radius in metres. The particles start on a lattice of 0.03: 0.06 would be a tie.
+        messages: channels of a particle that its neighbours are told of, its first; None: all.
     """
 
     width: int = 32
     layers: int = 5
     radius: float = 0.061
+    messages: int | None = None
+
+    def __post_init__(self) -> None:
+        """Refuse what no network can be made of.
+
+        Raises:
+            ValueError: neighbours would be told of no channel, or of more than there are.
+        """
+        if self.messages is not None and not 0 < self.messages <= self.width:
+            raise ValueError(f"messages is {self.messages}, but must be 1 to {self.width}, the width")
 
 
 @dataclass(frozen=True)
@@ -68,7 +79,8 @@ class Simulator(LearnedSimulator[State]):
 
     def __init__(self, architecture: Architecture) -> None:
         super().__init__(architecture)
-        self.network = ConvolutionNetwork(ACTIONS, SURROUNDINGS, OUTPUTS, architecture.width, architecture.layers)
+        width, messages = architecture.width, architecture.messages or architecture.width
+        self.network = ConvolutionNetwork(ACTIONS, SURROUNDINGS, OUTPUTS, width, architecture.layers, messages)
         self.native = NativeStep()
 
     @property

@@ -108,6 +108,10 @@ class Surroundings:
         """Whether any parameter of the solid wants a gradient."""
         return self.surface is not None and self.surface.records_gradients()
 
+    def recording(self) -> list[Tensor]:
+        """The parameters of the solid that want a gradient, each once."""
+        return [] if self.surface is None else self.surface.recording()
+
     def distance_and_normal(self, points: Tensor) -> tuple[Tensor, Tensor]:
         """Signed distance (N,) in metres and normal (N, 3) of the solid; infinite where there is none."""
         if self.surface is None:

@@ -49,7 +49,9 @@ def convolve(
     out: Matrix,
     threads: int,
 ) -> None:
-    """Write own h_i + sum_j sum_m k_m(i, j) mix_m h_j to ``out`` (N, C); C is a multiple of 16.
+    """Write own h_i + sum_j sum_m k_m(i, j) mix_m h_j to ``out`` (N, C).
+
+    Of h_j only as many channels count as ``mix`` (8C, M) has columns; C and M are multiples of 16.
 
     Raises:
         ValueError: sizes do not fit.

@@ -30,56 +30,70 @@ std::vector<AlignedFloats> scratch_of(int threads, int width) {
     return std::vector<AlignedFloats>(static_cast<size_t>(std::max(1, threads)), AlignedFloats(size));
 }
 
+int inputs_of(int kernel, Channels channels) { return kernel < KERNELS ? channels.messages : channels.width; }
+
 // Rows (inputs by kernel, then the own inputs) from matrices with a row an output.
-AlignedFloats inputs_first(int width, const float* mix, const float* own) {
-    AlignedFloats weights(static_cast<size_t>((KERNELS + 1) * width * width));
+AlignedFloats inputs_first(Channels channels, const float* mix, const float* own) {
+    const int width = channels.width, messages = channels.messages;
+    AlignedFloats weights(static_cast<size_t>((KERNELS * messages + width) * width));
+    float* to = weights.data();
     for (int m = 0; m <= KERNELS; ++m) {
-        const float* matrix = m < KERNELS ? mix + m * width * width : own;
-        float* to = weights.data() + m * width * width;
-        for (int input = 0; input < width; ++input)
-            for (int output = 0; output < width; ++output) to[input * width + output] = matrix[output * width + input];
+        const float* matrix = m < KERNELS ? mix + m * width * messages : own;
+        const int inputs = inputs_of(m, channels);
+        for (int input = 0; input < inputs; ++input, to += width)
+            for (int output = 0; output < width; ++output) to[output] = matrix[output * inputs + input];
     }
+    return weights;
+}
+
+// The same with a row an output, for gradients; of what neighbours are not told of it is zero.
+AlignedFloats outputs_first(Channels channels, const float* mix, const float* own) {
+    const int width = channels.width, messages = channels.messages;
+    AlignedFloats weights(static_cast<size_t>((KERNELS + 1) * width * width), 0.0f);
+    for (int row = 0; row < KERNELS * width; ++row) std::copy_n(mix + row * messages, messages, weights.data() + row * width);
+    std::copy_n(own, width * width, weights.data() + KERNELS * width * width);
     return weights;
 }
 
 }  // namespace
 
-void convolve(const Sparse& edges, int width, const float* hidden, const float* mix, const float* own, float* out,
+void convolve(const Sparse& edges, Channels channels, const float* hidden, const float* mix, const float* own, float* out,
               int threads) {
-    const AlignedFloats weights = inputs_first(width, mix, own);
-    auto scratch = scratch_of(threads, width);
+    const AlignedFloats weights = inputs_first(channels, mix, own);
+    auto scratch = scratch_of(threads, channels.width);
     in_parallel(threads, edges.count, PORTION, [&](int thread, int32_t begin, int32_t end) {
-        fastest().convolve(edges, width, hidden, weights.data(), false, out, begin, end,
+        fastest().convolve(edges, channels, hidden, weights.data(), out, begin, end,
                            scratch[static_cast<size_t>(thread)].data());
     });
 }
 
-void convolve_back(const Sparse& edges, int width, const float* hidden, const float* mix, const float* own,
+void convolve_back(const Sparse& edges, Channels channels, const float* hidden, const float* mix, const float* own,
                    const float* gradient, float* to_hidden, float* to_mix, float* to_own, int threads) {
-    const auto square = static_cast<size_t>(width * width);
+    const int width = channels.width, messages = channels.messages;
     auto scratch = scratch_of(threads, width);
     if (to_hidden) {
-        AlignedFloats weights(mix, mix + KERNELS * square);  // a row an output: for gradients those are the inputs
-        weights.insert(weights.end(), own, own + square);
+        const AlignedFloats weights = outputs_first(channels, mix, own);
         in_parallel(threads, edges.count, PORTION, [&](int thread, int32_t begin, int32_t end) {
-            fastest().convolve(edges, width, gradient, weights.data(), true, to_hidden, begin, end,
-                               scratch[static_cast<size_t>(thread)].data());
+            fastest().convolve_back(edges, channels, gradient, weights.data(), to_hidden, begin, end,
+                                    scratch[static_cast<size_t>(thread)].data());
         });
     }
-    std::vector<AlignedFloats> slices(SLICES, AlignedFloats((KERNELS + 1) * square, 0.0f));
+    const auto size = static_cast<size_t>((KERNELS * messages + width) * width);
+    std::vector<AlignedFloats> slices(SLICES, AlignedFloats(size, 0.0f));
     in_parallel(threads, SLICES, 1, [&](int thread, int32_t slice, int32_t) {
         const auto begin = static_cast<int32_t>(static_cast<int64_t>(edges.count) * slice / SLICES);
         const auto end = static_cast<int32_t>(static_cast<int64_t>(edges.count) * (slice + 1) / SLICES);
-        fastest().weigh(edges, width, hidden, gradient, slices[static_cast<size_t>(slice)].data(), begin, end,
+        fastest().weigh(edges, channels, hidden, gradient, slices[static_cast<size_t>(slice)].data(), begin, end,
                         scratch[static_cast<size_t>(thread)].data());
     });
     for (int slice = 1; slice < SLICES; ++slice)
-        for (size_t k = 0; k < slices[0].size(); ++k) slices[0][k] += slices[static_cast<size_t>(slice)][k];
+        for (size_t k = 0; k < size; ++k) slices[0][k] += slices[static_cast<size_t>(slice)][k];
+    const float* from = slices[0].data();
     for (int m = 0; m <= KERNELS; ++m) {
-        const float* from = slices[0].data() + static_cast<size_t>(m) * square;
-        float* to = m < KERNELS ? to_mix + static_cast<size_t>(m) * square : to_own;
-        for (int output = 0; output < width; ++output)
-            for (int input = 0; input < width; ++input) to[output * width + input] = from[input * width + output];
+        float* to = m < KERNELS ? to_mix + m * width * messages : to_own;
+        const int inputs = inputs_of(m, channels);
+        for (int input = 0; input < inputs; ++input, from += width)
+            for (int output = 0; output < width; ++output) to[output * inputs + input] = from[output];
     }
 }
 

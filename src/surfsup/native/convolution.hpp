@@ -8,15 +8,16 @@
 
 namespace surfsup {
 
-// out_i = own h_i + sum_j sum_m k_m(i, j) mix_m h_j, for `width` channels, a multiple of CHANNELS.
-// `mix` is (8 width, width) and `own` (width, width), a row an output, as torch keeps them.
+// out_i = own h_i + sum_j sum_m k_m(i, j) mix_m h_j, where of h_j only the first `messages` channels count; both numbers
+// of channels are multiples of CHANNELS. `mix` is (8 width, messages), `own` (width, width), a row an output, as torch
+// keeps them.
 constexpr int CHANNELS = 16;
 
-void convolve(const Sparse& edges, int width, const float* hidden, const float* mix, const float* own, float* out,
+void convolve(const Sparse& edges, Channels channels, const float* hidden, const float* mix, const float* own, float* out,
               int threads);
 
 // Gradients in h, mix and own from that in `out`. The sums are made in an order that does not depend on the threads.
-void convolve_back(const Sparse& edges, int width, const float* hidden, const float* mix, const float* own,
+void convolve_back(const Sparse& edges, Channels channels, const float* hidden, const float* mix, const float* own,
                    const float* gradient, float* to_hidden, float* to_mix, float* to_own, int threads);
 
 // sums_im = sum_j k_m(i, j) v_j of four values a particle, (count, 8, 4); and the gradient in v from that in the sums.

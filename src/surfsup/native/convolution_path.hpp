@@ -6,18 +6,20 @@
 namespace PATH {
 namespace {
 
+using surfsup::Channels;
 using surfsup::Sparse;
 
-// Sums over the neighbours of particle i of VECTORS vectors of channels, for every kernel apart.
+// Sums over the neighbours of particle i of VECTORS vectors of channels, for every kernel apart; values and sums lie so
+// many floats apart from one particle, and one kernel, to the next.
 template <int VECTORS>
-inline void gather_edges(const Sparse& edges, int32_t i, const float* values, int width, bool back, float* to) {
+inline void gather_edges(const Sparse& edges, int32_t i, const float* values, int values_row, bool back, float* to, int to_row) {
     Floats sums[KERNELS][VECTORS];
 #pragma GCC unroll 8
     for (int m = 0; m < KERNELS; ++m)
 #pragma GCC unroll 2
         for (int v = 0; v < VECTORS; ++v) sums[m][v] = Floats{};
     for (int64_t e = edges.starts[i]; e < edges.starts[i + 1]; ++e) {
-        const float *from = values + edges.senders[e] * width, *kernel = edges.kernels + KERNELS * e;
+        const float *from = values + edges.senders[e] * values_row, *kernel = edges.kernels + KERNELS * e;
         Floats sent[VECTORS];
 #pragma GCC unroll 2
         for (int v = 0; v < VECTORS; ++v) sent[v] = load(from + v * LANES);
@@ -31,27 +33,46 @@ inline void gather_edges(const Sparse& edges, int32_t i, const float* values, in
 #pragma GCC unroll 8
     for (int m = 0; m < KERNELS; ++m)
 #pragma GCC unroll 2
-        for (int v = 0; v < VECTORS; ++v) store(to + m * width + v * LANES, back && m > 1 ? -sums[m][v] : sums[m][v]);
+        for (int v = 0; v < VECTORS; ++v) store(to + m * to_row + v * LANES, back && m > 1 ? -sums[m][v] : sums[m][v]);
 }
 
-// The eight sums of a particle, and behind them its own values.
-inline void gather_row(const Sparse& edges, int32_t i, const float* values, int width, bool back, float* to) {
+// The eight sums of a particle over the first `messages` of its neighbours' channels, and behind them all of its own.
+inline void gather_row(const Sparse& edges, int32_t i, Channels channels, const float* values, bool back, float* to) {
+    const int width = channels.width, messages = channels.messages;
     int column = 0;
-    for (; column + GATHERED * LANES <= width; column += GATHERED * LANES)
-        gather_edges<GATHERED>(edges, i, values + column, width, back, to + column);
-    for (; column < width; column += LANES) gather_edges<1>(edges, i, values + column, width, back, to + column);
-    std::memcpy(to + KERNELS * width, values + static_cast<int64_t>(i) * width, 4 * static_cast<size_t>(width));
+    for (; column + GATHERED * LANES <= messages; column += GATHERED * LANES)
+        gather_edges<GATHERED>(edges, i, values + column, width, back, to + column, messages);
+    for (; column < messages; column += LANES)
+        gather_edges<1>(edges, i, values + column, width, back, to + column, messages);
+    std::memcpy(to + KERNELS * messages, values + static_cast<int64_t>(i) * width, 4 * static_cast<size_t>(width));
 }
 
-void convolve(const Sparse& edges, int width, const float* values, const float* weights, bool back, float* out,
+void convolve(const Sparse& edges, Channels channels, const float* values, const float* weights, float* out,
               int32_t begin, int32_t end, float* sums) {
-    const int depth = (KERNELS + 1) * width;
+    const int width = channels.width, depth = KERNELS * channels.messages + width;
     for (int32_t block = begin; block < end; block += ROWS) {
         const int here = end - block < ROWS ? end - block : ROWS;
-        for (int row = 0; row < here; ++row) gather_row(edges, block + row, values, width, back, sums + row * depth);
+        for (int row = 0; row < here; ++row) gather_row(edges, block + row, channels, values, false, sums + row * depth);
         product(sums, depth, depth, weights, width, [&](int row, int column, Floats sum) {
             if (row < here) store(out + static_cast<int64_t>(block + row) * width + column, sum);
         });
+    }
+}
+
+void convolve_back(const Sparse& edges, Channels channels, const float* gradient, const float* weights, float* to_values,
+                   int32_t begin, int32_t end, float* sums) {
+    const int width = channels.width, messages = channels.messages;
+    const int depth = (KERNELS + 1) * width;
+    for (int32_t block = begin; block < end; block += ROWS) {
+        const int here = end - block < ROWS ? end - block : ROWS;
+        for (int row = 0; row < here; ++row) gather_row(edges, block + row, {width, width}, gradient, true, sums + row * depth);
+        const auto write = [&](int row, int column, Floats sum) {
+            if (row < here) store(to_values + static_cast<int64_t>(block + row) * width + column, sum);
+        };
+        product(sums, depth, depth, weights, width, messages, write);
+        // What no neighbour was told of comes back from the particle itself alone.
+        product(sums + KERNELS * width, depth, width, weights + KERNELS * width * width + messages, width, width - messages,
+                [&](int row, int column, Floats sum) { write(row, messages + column, sum); });
     }
 }
 
@@ -78,16 +99,16 @@ inline void add_outer(const float* a, int64_t depth, const float* b, int64_t b_r
     }
 }
 
-void weigh(const Sparse& edges, int width, const float* values, const float* gradient, float* to, int32_t begin,
+void weigh(const Sparse& edges, Channels channels, const float* values, const float* gradient, float* to, int32_t begin,
            int32_t end, float* sums) {
-    const int depth = (KERNELS + 1) * width;
+    const int width = channels.width, depth = KERNELS * channels.messages + width;
     float* wanted = sums + ROWS * depth;
     for (int32_t block = begin; block < end; block += ROWS) {
         const int here = end - block < ROWS ? end - block : ROWS;
         for (int row = 0; row < ROWS; ++row) {
             float* row_wanted = wanted + row * width;
             if (row < here) {
-                gather_row(edges, block + row, values, width, false, sums + row * depth);
+                gather_row(edges, block + row, channels, values, false, sums + row * depth);
                 std::memcpy(row_wanted, gradient + static_cast<int64_t>(block + row) * width, 4 * static_cast<size_t>(width));
             } else {
                 std::memset(sums + row * depth, 0, 4 * static_cast<size_t>(depth));

@@ -29,14 +29,14 @@ struct Constants {
     std::array<float, KERNELS> thickest;  // largest kernel sums that the factors are told of
 };
 
-// Weights as the products take them: a row an input, a column an output; `width` is a multiple of 16, what is
-// beyond the network's own width is zero.
+// Weights as the products take them: a row an input, a column an output; `width` and `messages` are multiples of 16,
+// what is beyond the network's own is zero. Neighbours are told of the first `messages` channels.
 struct Weights {
-    int width, layers;
+    int width, messages, layers;
     const float *encode_in, *encode_out;            // (ROW, width), (width, width)
     const float *factor_in, *factor_in_bias;        // (8, width), (width)
     const float *factor_out, *factor_out_bias;      // (width, 2 width), (2 width)
-    const float *mix, *out;                         // of each layer (9 width, width), (width, width)
+    const float *mix, *out;                         // of each layer (8 messages + width, width), (width, width)
     const float *decode_in, *decode_out;            // (width, width), (width, OUTPUT_ROOM)
 };
 
@@ -90,12 +90,15 @@ struct Path {
     int64_t (*look)(const Frame&, int32_t begin, int32_t end, Arena&, float* scratch);
     // A layer; behind the last one the decoder and the new positions and velocities.
     void (*layer)(const Frame&, int number, int32_t begin, int32_t end, float* scratch);
-    // Of a convolution, for particles begin to end: the sums over neighbours of `values` mixed by `weights`
-    // (9 width, width); `back` takes every edge the other way around.
-    void (*convolve)(const Sparse&, int width, const float* values, const float* weights, bool back, float* out,
-                     int32_t begin, int32_t end, float* scratch);
-    // Adds to `to` (9 width, width) the gradient in the weights.
-    void (*weigh)(const Sparse&, int width, const float* values, const float* gradient, float* to, int32_t begin,
+    // Of a convolution, for particles begin to end: the sums over neighbours of the first channels of `values`, and
+    // the own values, mixed by `weights` (8 messages + width, width).
+    void (*convolve)(const Sparse&, Channels, const float* values, const float* weights, float* out, int32_t begin,
+                     int32_t end, float* scratch);
+    // The gradient in the values from that in `out`, by `weights` (9 width, width); each edge is taken the other way.
+    void (*convolve_back)(const Sparse&, Channels, const float* gradient, const float* weights, float* to_values,
+                          int32_t begin, int32_t end, float* scratch);
+    // Adds to `to` (8 messages + width, width) the gradient in the weights.
+    void (*weigh)(const Sparse&, Channels, const float* values, const float* gradient, float* to, int32_t begin,
                   int32_t end, float* scratch);
     // The places of sorted particles that are within the radius of the sorted particle i, in any order; how many, -1
     // where memory ran out. `to` points to them until the next call.

@@ -125,35 +125,35 @@ surfsup::Sparse sparse(const Starts& starts, const Indices& senders, const Kerne
     return {static_cast<int32_t>(starts.shape(0) - 1), starts.data(), senders.data(), kernels.data()};
 }
 
-int width_of(const Weight& mix, const Weight& own, const Weight& hidden, const surfsup::Sparse& edges) {
-    const size_t width = own.shape(0);
-    if (width == 0 || width % surfsup::CHANNELS || own.shape(1) != width || mix.shape(1) != width ||
-        mix.shape(0) != surfsup::KERNELS * width || hidden.shape(1) != width)
-        throw std::invalid_argument("the native convolution is for a multiple of 16 channels, the same everywhere");
+surfsup::Channels channels_of(const Weight& mix, const Weight& own, const Weight& hidden, const surfsup::Sparse& edges) {
+    const size_t width = own.shape(0), messages = mix.shape(1);
+    if (width == 0 || width % surfsup::CHANNELS || messages == 0 || messages % surfsup::CHANNELS || messages > width ||
+        own.shape(1) != width || mix.shape(0) != surfsup::KERNELS * width || hidden.shape(1) != width)
+        throw std::invalid_argument("the native convolution is for multiples of 16 channels that fit each other");
     expect(hidden.shape(0), static_cast<size_t>(edges.count), "hidden");
-    return static_cast<int>(width);
+    return {static_cast<int>(width), static_cast<int>(messages)};
 }
 
 void convolve(Starts starts, Indices senders, Kernels kernels, Weight hidden, Weight mix, Weight own, NewWeight out,
               int threads) {
     const surfsup::Sparse edges = sparse(starts, senders, kernels);
-    const int width = width_of(mix, own, hidden, edges);
+    const surfsup::Channels channels = channels_of(mix, own, hidden, edges);
     if (out.shape(0) != hidden.shape(0) || out.shape(1) != hidden.shape(1)) throw std::invalid_argument("out is not as hidden");
     const nb::gil_scoped_release unlocked;
-    surfsup::convolve(edges, width, hidden.data(), mix.data(), own.data(), out.data(), threads);
+    surfsup::convolve(edges, channels, hidden.data(), mix.data(), own.data(), out.data(), threads);
 }
 
 void convolve_back(Starts starts, Indices senders, Kernels kernels, Weight hidden, Weight mix, Weight own, Weight gradient,
                    std::optional<NewWeight> to_hidden, NewWeight to_mix, NewWeight to_own, int threads) {
     const surfsup::Sparse edges = sparse(starts, senders, kernels);
-    const int width = width_of(mix, own, hidden, edges);
+    const surfsup::Channels channels = channels_of(mix, own, hidden, edges);
     const auto same = [](const auto& one, const Weight& other) {
         return one.shape(0) == other.shape(0) && one.shape(1) == other.shape(1);
     };
     if (!same(gradient, hidden) || (to_hidden && !same(*to_hidden, hidden)) || !same(to_mix, mix) || !same(to_own, own))
         throw std::invalid_argument("a gradient is not as what it is of");
     const nb::gil_scoped_release unlocked;
-    surfsup::convolve_back(edges, width, hidden.data(), mix.data(), own.data(), gradient.data(),
+    surfsup::convolve_back(edges, channels, hidden.data(), mix.data(), own.data(), gradient.data(),
                            to_hidden ? to_hidden->data() : nullptr, to_mix.data(), to_own.data(), threads);
 }
 

@@ -61,12 +61,15 @@ Network::Network(const Constants& constants, Matrix encode_in, Matrix encode_out
     expect(factor_out, 2 * own, own, "factors.2");
     expect(decode_in, own, own, "decoder.0");
     expect(decode_out, OUTPUTS, own, "decoder.2");
+    const int64_t told = layers.front().mix.inputs;
+    if (told < 1 || told > own) throw std::invalid_argument("neighbours are told of one channel at least, of all at most");
     for (const Layer& layer : layers) {
-        expect(layer.mix, KERNELS * own, own, "mix");
+        expect(layer.mix, KERNELS * own, told, "mix");
         expect(layer.own, own, own, "own");
         expect(layer.out, own, own, "out");
     }
     width_ = static_cast<int>((own + MULTIPLE - 1) / MULTIPLE * MULTIPLE);
+    messages_ = static_cast<int>((told + MULTIPLE - 1) / MULTIPLE * MULTIPLE);
     layers_ = static_cast<int>(layers.size());
 }
 
@@ -96,15 +99,15 @@ void Network::read_weights() {
         transpose(matrix, factor_out_.data(), 2 * width, half * width);
         std::copy_n(given_factor_out_bias_ + half * own, own, factor_out_bias_.begin() + half * width);
     }
-    const int64_t depth = (KERNELS + 1) * width;
+    const int64_t told = given_layers_.front().mix.inputs, messages = messages_, depth = KERNELS * messages + width;
     mix_.assign(static_cast<size_t>(layers_ * depth * width), 0.0f);
     out_.assign(static_cast<size_t>(layers_ * width * width), 0.0f);
     for (int64_t number = 0; number < layers_; ++number) {
         const Layer& layer = given_layers_[static_cast<size_t>(number)];
         float* mix = mix_.data() + number * depth * width;
         for (int64_t m = 0; m < KERNELS; ++m)
-            transpose({layer.mix.values + m * own * own, own, own}, mix + m * width * width, width);
-        transpose(layer.own, mix + KERNELS * width * width, width);
+            transpose({layer.mix.values + m * own * told, own, told}, mix + m * messages * width, width);
+        transpose(layer.own, mix + KERNELS * messages * width, width);
         transpose(layer.out, out_.data() + number * width * width, width);
     }
     decode_out_.assign(static_cast<size_t>(width * OUTPUT_ROOM), 0.0f);
@@ -135,7 +138,7 @@ int64_t Network::step(const Fluid& fluid, const Path& path, int threads, int64_t
     Frame frame{};
     frame.count = fluid.count;
     frame.constants = constants_;
-    frame.weights = {width_,      layers_,        encode_in_.data(), encode_out_.data(), factor_in_.data(),
+    frame.weights = {width_, messages_, layers_, encode_in_.data(), encode_out_.data(), factor_in_.data(),
                      factor_in_bias_.data(), factor_out_.data(), factor_out_bias_.data(), mix_.data(), out_.data(),
                      decode_in_.data(), decode_out_.data()};
     frame.cells = cells_.cells();

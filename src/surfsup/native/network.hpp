@@ -50,7 +50,7 @@ private:
     Matrix given_encode_in_, given_encode_out_, given_factor_in_, given_factor_out_, given_decode_in_, given_decode_out_;
     const float *given_factor_in_bias_, *given_factor_out_bias_;
     std::vector<Layer> given_layers_;
-    int width_ = 0, layers_ = 0;
+    int width_ = 0, messages_ = 0, layers_ = 0;
     AlignedFloats encode_in_, encode_out_, factor_in_, factor_in_bias_, factor_out_, factor_out_bias_, mix_, out_,
         decode_in_, decode_out_;
 

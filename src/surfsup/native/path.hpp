@@ -29,12 +29,13 @@ inline void multiply(const float* a, int64_t a_row, int depth, const float* w, i
     }
 }
 
-// The product of a block of rows with all columns; `use` takes each vector of it: (row, column, values).
+// The product of a block of rows with `columns` columns of rows of `w_row` floats; `use` takes each vector of it:
+// (row, column, values).
 template <int VECTORS, typename Use>
-inline void product_by(const float* a, int64_t a_row, int depth, const float* w, int columns, Use use) {
+inline void product_by(const float* a, int64_t a_row, int depth, const float* w, int64_t w_row, int columns, Use use) {
     for (int column = 0; column < columns; column += VECTORS * LANES) {
         Floats sums[ROWS][VECTORS];
-        multiply<VECTORS>(a, a_row, depth, w + column, columns, sums);
+        multiply<VECTORS>(a, a_row, depth, w + column, w_row, sums);
 #pragma GCC unroll 12
         for (int row = 0; row < ROWS; ++row)
 #pragma GCC unroll 2
@@ -43,16 +44,22 @@ inline void product_by(const float* a, int64_t a_row, int depth, const float* w,
 }
 
 template <typename Use>
-inline void product(const float* a, int64_t a_row, int depth, const float* w, int columns, Use use) {
+inline void product(const float* a, int64_t a_row, int depth, const float* w, int64_t w_row, int columns, Use use) {
     if (columns % (2 * LANES) == 0)
-        product_by<2>(a, a_row, depth, w, columns, use);
+        product_by<2>(a, a_row, depth, w, w_row, columns, use);
     else
-        product_by<1>(a, a_row, depth, w, columns, use);
+        product_by<1>(a, a_row, depth, w, w_row, columns, use);
 }
 
-// Sums over neighbours of VECTORS vectors of channels, for every kernel apart.
+// All columns of the weights.
+template <typename Use>
+inline void product(const float* a, int64_t a_row, int depth, const float* w, int columns, Use use) {
+    product(a, a_row, depth, w, columns, columns, use);
+}
+
+// Sums over neighbours of VECTORS vectors of channels, for every kernel apart, `to_row` floats from one to the next.
 template <int VECTORS>
-inline void gather(const Edges& edges, const float* hidden, int width, float* to) {
+inline void gather(const Edges& edges, const float* hidden, int width, float* to, int to_row) {
     Floats sums[KERNELS][VECTORS];
 #pragma GCC unroll 8
     for (int m = 0; m < KERNELS; ++m)
@@ -88,7 +95,7 @@ inline void gather(const Edges& edges, const float* hidden, int width, float* to
 #pragma GCC unroll 8
     for (int m = 0; m < KERNELS; ++m)
 #pragma GCC unroll 2
-        for (int v = 0; v < VECTORS; ++v) store(to + m * width + v * LANES, sums[m][v]);
+        for (int v = 0; v < VECTORS; ++v) store(to + m * to_row + v * LANES, sums[m][v]);
 }
 
 // Eight sums of as many vectors as fit the registers.
@@ -318,7 +325,7 @@ ALWAYS_INLINE void fetch(const void* from, int64_t bytes) {
     for (int64_t at = 0; at < bytes; at += FETCHED) __builtin_prefetch(static_cast<const char*>(from) + at);
 }
 
-ALWAYS_INLINE void fetch_ahead(const Frame& frame, int32_t i, const float* hidden, int width) {
+ALWAYS_INLINE void fetch_ahead(const Frame& frame, int32_t i, const float* hidden, int width, int messages) {
     if (i + EDGES_AHEAD < frame.count) {
         const Edges& edges = frame.edges[i + EDGES_AHEAD];
         const int64_t near = edges.near, far = edges.all - near;
@@ -327,7 +334,7 @@ ALWAYS_INLINE void fetch_ahead(const Frame& frame, int32_t i, const float* hidde
     if (i + HIDDEN_AHEAD < frame.count) {
         const Edges& edges = frame.edges[i + HIDDEN_AHEAD];
         for (int32_t e = 0; e < edges.all; ++e)
-            fetch(hidden + static_cast<int64_t>(edges.senders[e]) * width, 4 * static_cast<int64_t>(width));
+            fetch(hidden + static_cast<int64_t>(edges.senders[e]) * width, 4 * static_cast<int64_t>(messages));
     }
 }
 
@@ -421,7 +428,7 @@ void decode(const Frame& frame, int32_t block, int here, const float* hidden, fl
 
 void layer(const Frame& frame, int number, int32_t begin, int32_t end, float* scratch) {
     const Weights& w = frame.weights;
-    const int width = w.width, depth = (KERNELS + 1) * width;
+    const int width = w.width, messages = w.messages, depth = KERNELS * messages + width;
     const float* mix = w.mix + static_cast<int64_t>(number) * depth * width;
     const float* out = w.out + static_cast<int64_t>(number) * width * width;
     const float* hidden = frame.hidden[number % 2];
@@ -433,12 +440,12 @@ void layer(const Frame& frame, int number, int32_t begin, int32_t end, float* sc
         for (int row = 0; row < here; ++row) {
             const Edges& edges = frame.edges[block + row];
             float* to = sums + static_cast<int64_t>(row) * depth;
-            fetch_ahead(frame, block + row, hidden, width);
+            fetch_ahead(frame, block + row, hidden, width, messages);
             int column = 0;
-            for (; column + GATHERED * LANES <= width; column += GATHERED * LANES)
-                gather<GATHERED>(edges, hidden + column, width, to + column);
-            for (; column < width; column += LANES) gather<1>(edges, hidden + column, width, to + column);
-            std::memcpy(to + KERNELS * width, hidden + static_cast<int64_t>(block + row) * width, 4 * static_cast<size_t>(width));
+            for (; column + GATHERED * LANES <= messages; column += GATHERED * LANES)
+                gather<GATHERED>(edges, hidden + column, width, to + column, messages);
+            for (; column < messages; column += LANES) gather<1>(edges, hidden + column, width, to + column, messages);
+            std::memcpy(to + KERNELS * messages, hidden + static_cast<int64_t>(block + row) * width, 4 * static_cast<size_t>(width));
         }
         product(sums, depth, depth, mix, width, [&](int row, int column, Floats sum) {
             store(one + row * width + column, silu(sum));
@@ -454,7 +461,7 @@ void layer(const Frame& frame, int number, int32_t begin, int32_t end, float* sc
 
 int64_t scratch(const Frame& frame) {
     const int64_t width = frame.weights.width;
-    const int64_t to_look = ROW + KERNELS + 3 * width, to_layer = (KERNELS + 1 + 1 + 2) * width + OUTPUT_ROOM;
+    const int64_t to_look = ROW + KERNELS + 3 * width, to_layer = KERNELS * frame.weights.messages + (1 + 1 + 2) * width + OUTPUT_ROOM;
     return ROWS * (to_look > to_layer ? to_look : to_layer);
 }
 

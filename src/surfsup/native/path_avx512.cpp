@@ -14,5 +14,5 @@ static bool supported() {
 static bool supported() { return false; }  // not a processor of that kind at all
 #endif
 const Path avx512 = {"avx512", supported, PATH::ROWS, PATH::scratch, PATH::look, PATH::layer,
-                     PATH::convolve, PATH::weigh, PATH::within, sizeof(PATH::Search), PATH::distance};
+                     PATH::convolve, PATH::convolve_back, PATH::weigh, PATH::within, sizeof(PATH::Search), PATH::distance};
 }  // namespace surfsup

@@ -7,5 +7,5 @@
 namespace surfsup {
 static bool supported() { return true; }
 const Path plain = {"plain", supported, PATH::ROWS, PATH::scratch, PATH::look, PATH::layer,
-                     PATH::convolve, PATH::weigh, PATH::within, sizeof(PATH::Search), PATH::distance};
+                     PATH::convolve, PATH::convolve_back, PATH::weigh, PATH::within, sizeof(PATH::Search), PATH::distance};
 }  // namespace surfsup

@@ -29,4 +29,9 @@ struct Sparse {
     const float* kernels;
 };
 
+// Of a particle, and of these the first that its neighbours are told of; both multiples of 16.
+struct Channels {
+    int width, messages;
+};
+
 }  // namespace surfsup

@@ -24,7 +24,15 @@ Share = Annotated[float, Field(ge=0, le=1)]
 Amount = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 Above = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 
-ARCHITECTURE = ("width", "layers", "radius", "history", "stride", "surface_particles")  # what may be a kind's sizes
+ARCHITECTURE = (
+    "width",
+    "layers",
+    "radius",
+    "messages",
+    "history",
+    "stride",
+    "surface_particles",
+)  # what may be a kind's sizes
 
 
 class Phase(BaseModel):
@@ -36,6 +44,7 @@ class Phase(BaseModel):
         unroll: steps that the loss is taken over, with gradient through all of them.
         noise: metres; largest spread of the noise on the first state.
         energy: weight of the energy term; only the convolution has one.
+        density: weight of the density term; likewise.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
@@ -45,6 +54,7 @@ class Phase(BaseModel):
     unroll: Count = 1
     noise: Amount = 1e-4
     energy: Amount = 0.0
+    density: Amount = 0.0
 
 
 class TrainingConfig(BaseModel):
@@ -53,8 +63,8 @@ class TrainingConfig(BaseModel):
     Attributes:
         kind: of simulator; one of ``surfsup.model.kinds.KINDS``.
         size: width and layers by name, 'paper' or 'small'; only the message-passing kinds have such.
-        width, layers, radius, history, stride, surface_particles: the architecture's; what is left out is as ``size``
-            says, else the kind's own default.
+        width, layers, radius, messages, history, stride, surface_particles: the architecture's; what is left out is as
+            ``size`` says, else the kind's own default.
         batch: windows a step, over all processes.
         steps: of the optimiser, over which the schedule runs.
         stop: step to stop at before the schedule ends; None runs it to its end.
@@ -77,6 +87,7 @@ class TrainingConfig(BaseModel):
     width: Count | None = None
     layers: Count | None = None
     radius: Above | None = None
+    messages: Count | None = None
     history: Count | None = None
     stride: Count | None = None
     surface_particles: Count | None = None
@@ -123,8 +134,10 @@ class TrainingConfig(BaseModel):
                 raise ValueError(f"kind '{self.kind}' has no sizes by name; give 'width' and 'layers'")
             if self.precision != "32":
                 raise ValueError(f"kind '{self.kind}' computes in precision 32 only")
-        elif any(phase.energy > 0 for phase in self.phases):
-            raise ValueError(f"kind '{self.kind}' has no energy term; leave 'energy' out of the phases")
+        else:
+            for term in ("energy", "density"):
+                if any(getattr(phase, term) > 0 for phase in self.phases):
+                    raise ValueError(f"kind '{self.kind}' has no {term} term; leave '{term}' out of the phases")
         _ = self.architecture
         return self
 

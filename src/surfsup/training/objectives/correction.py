@@ -15,6 +15,7 @@ from surfsup.model.state import FRAME_TIME, State
 from surfsup.training.config import Phase
 from surfsup.training.objectives.correction_loss import (
     NEAR_SURFACE,
+    density_loss,
     energy_loss,
     motion_loss,
     squared_error,
@@ -26,7 +27,7 @@ NOISE_DECADES = 2.0  # how many powers of ten smaller than the configured noise 
 
 
 class CorrectionObjective(Objective):
-    """Motion loss and, in phases that weigh it, the energy of small cells."""
+    """Motion loss and, in phases that weigh them, the energy of small cells and the density."""
 
     model: Simulator
 
@@ -57,6 +58,8 @@ class CorrectionObjective(Objective):
                 loss = loss + phase.energy / (1 + size) * energy_loss(
                     reached[-1][1], true_velocities, true_positions, shift
                 )
+            if phase.density > 0:
+                loss = loss + phase.density * density_loss(reached[-1][0], view.graph.neighbourhood)
             error = squared_error(correction, wanted)
             errors.append(StepErrors(loss, mean_where(error, near), mean_where(error, ~near)))
         return errors, reached
