@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from rich.progress import ProgressColumn
 
+    from surfsup.fitting.loop import Progress as FitProgress
     from surfsup.training.train import Progress
 
 
@@ -93,6 +94,32 @@ def training_line() -> Iterator[Callable[[Progress], None]]:
         line.update(line.task_ids[0], completed=now.step, total=now.steps, **fields)
         if now.scores is not None:
             line.console.print(f"step {now.step}: {now.scores}", highlight=False)
+
+    try:
+        yield tell
+    finally:
+        line.stop()
+
+
+@contextmanager
+def fitting_line() -> Iterator[Callable[[FitProgress], None]]:
+    """A live line of a fit: its loss, and the error that was measured last; what was measured stays on the screen."""
+    from rich import progress as rich
+    from rich.console import Console
+
+    columns = (rich.BarColumn(), rich.MofNCompleteColumn(), rich.TimeElapsedColumn(), time_left())
+    text = rich.TextColumn("loss {task.fields[loss]:.4g}, error {task.fields[error]:.3g}")
+    line = rich.Progress(text, *columns, console=Console(stderr=True))
+
+    def tell(now: FitProgress) -> None:
+        if not line.task_ids:
+            line.add_task("", loss=now.loss, error=now.error, left=None, told=0.0)
+            line.start()
+        told = time.monotonic()
+        fields = {"loss": now.loss, "error": now.error, "left": now.seconds_left, "told": told}
+        line.update(line.task_ids[0], completed=now.step, total=now.steps, **fields)
+        if now.measured:
+            line.console.print(f"step {now.step}: loss {now.loss:.4g}, error {now.error:.3g}", highlight=False)
 
     try:
         yield tell

@@ -6,7 +6,7 @@ import trimesh
 
 from surfsup.errors import InputError
 from surfsup.scene import Block, Container
-from surfsup.scene.pour import BLOCK_SIDE, FIT, GAP, Placing, pour_on_mesh
+from surfsup.scene.pour import BLOCK_SIDE, FIT, GAP, Placing, pour_on
 
 
 @pytest.fixture
@@ -17,7 +17,7 @@ def brick(tmp_path):
 
 
 def pour(path, container=None, block=None, **placing):
-    return pour_on_mesh(path, Placing(**placing), container or Container(), block, frames=10)
+    return pour_on(path, Placing(**placing), container or Container(), block, frames=10)
 
 
 def test_a_mesh_of_any_size_is_scaled_stands_on_the_floor_and_has_water_above(brick):

@@ -20,7 +20,7 @@ def length(metres: float) -> float:
 
 
 Vector = tuple[float, float, float]
-Source = Annotated[Path, typer.Argument(metavar="SURFACE|SCENE.yaml", help="A mesh, or a scene file.")]
+Source = Annotated[Path, typer.Argument(metavar="SURFACE|SCENE.yaml", help="A mesh, neural surface or scene file.")]
 Out = Annotated[Path | None, typer.Option("-o", "--out", help="Output folder; out/NAME by default.")]
 Frames = Annotated[int | None, typer.Option(min=1, help="Frames of 0.005 s; 800 by default.")]
 Fit = Annotated[float, typer.Option(help="Largest extent that the mesh is scaled to, in metres.")]
@@ -30,6 +30,7 @@ Turn = Annotated[float, typer.Option(help="Turn the mesh by so many degrees abou
 At = Annotated[Vector | None, typer.Option(help="Where the mesh's foot goes, in metres.")]
 BlockMin = Annotated[Vector | None, typer.Option(help="Lower corner of the block of water.")]
 BlockMax = Annotated[Vector | None, typer.Option(help="Upper corner of the block of water.")]
+ShapeName = Annotated[str | None, typer.Option("--shape", help="Which shape of a DeepSDF's file.")]
 ContainerSize = Annotated[Vector | None, typer.Option("--container", help="Sides of the container; 1 1 2.")]
 NoPage = Annotated[bool, typer.Option("--no-page", help="Leave out page.html.")]
 NoVideo = Annotated[bool, typer.Option("--no-video", help="Leave out video.mp4.")]

@@ -15,6 +15,7 @@ from surfsup import __version__
 from surfsup.cli.compare import compare
 from surfsup.cli.doctor import doctor
 from surfsup.cli.evaluate import evaluate
+from surfsup.cli.fit import fit
 from surfsup.cli.generate import floor, generate
 from surfsup.cli.reference import reference
 from surfsup.cli.simulate import simulate
@@ -34,6 +35,7 @@ app = typer.Typer(
 
 for verb in (simulate, reference, generate, floor, train, evaluate, compare, view, render, doctor):
     app.command()(verb)
+app.add_typer(fit, name="fit")
 
 
 @app.callback(invoke_without_command=True)

@@ -17,6 +17,7 @@ from surfsup.cli.options import (
     NoPage,
     NoVideo,
     Out,
+    ShapeName,
     Source,
     Turn,
     Up,
@@ -38,6 +39,7 @@ def reference(
     block_min: BlockMin = None,
     block_max: BlockMax = None,
     container: ContainerSize = None,
+    shape: ShapeName = None,
     threads: Annotated[int, typer.Option(min=1, help="Threads of the solver.")] = 1,
     no_page: NoPage = False,
     no_video: NoVideo = False,
@@ -49,7 +51,7 @@ def reference(
     from surfsup.reference import solver
     from surfsup.trajectory import Provenance
 
-    scene = read_scene(source, frames, None if no_fit else fit, up, turn, at, block_min, block_max, container)
+    scene = read_scene(source, frames, None if no_fit else fit, up, turn, at, block_min, block_max, container, shape)
     surface = scene.build_surface()
     start = scene.start(surface)
     solver.require()

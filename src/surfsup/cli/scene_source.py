@@ -1,4 +1,4 @@
-"""The scene that a command line speaks of: a scene file, or a mesh and options."""
+"""The scene that a command line speaks of: a scene file, or a surface and options."""
 
 from __future__ import annotations
 
@@ -24,14 +24,15 @@ def read_scene(
     block_min: Vector | None,
     block_max: Vector | None,
     container: Vector | None,
+    shape: str | None,
 ) -> Scene:
-    """The scene file ``source``, or the scene of water on the mesh ``source``; says how the mesh was placed."""
+    """The scene file ``source``, or the scene of water on the surface in ``source``; says how that was placed."""
     from surfsup.scene import Scene
-    from surfsup.scene.pour import Placing, pour_on_mesh
+    from surfsup.scene.pour import Placing, pour_on
     from surfsup.scene.scene import checked_block, checked_container
 
     if source.suffix.lower() in (".yaml", ".yml"):
-        placed = up or turn or at or block_min or block_max or container
+        placed = up or turn or at or block_min or block_max or container or shape
         if placed:
             raise InputError(f"{source}: a scene file places everything itself; change it there, not by options")
         scene = Scene.load(source)
@@ -39,7 +40,7 @@ def read_scene(
     if (block_min is None) != (block_max is None):
         raise InputError("--block-min and --block-max go together")
     block = checked_block(block_min, block_max) if block_min and block_max else None
-    placing = Placing(fit, up, turn, at or (0.0, 0.0, 0.0))
-    scene, said = pour_on_mesh(source, placing, checked_container(container), block, frames or 800)
+    placing = Placing(fit, up, turn, at or (0.0, 0.0, 0.0), shape)
+    scene, said = pour_on(source, placing, checked_container(container), block, frames or 800)
     typer.echo(said)
     return scene

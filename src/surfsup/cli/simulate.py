@@ -21,6 +21,7 @@ from surfsup.cli.options import (
     NoVideo,
     Out,
     Seed,
+    ShapeName,
     Source,
     Turn,
     Up,
@@ -42,6 +43,7 @@ def simulate(
     block_min: BlockMin = None,
     block_max: BlockMax = None,
     container: ContainerSize = None,
+    shape: ShapeName = None,
     model: Model = None,
     device: Device = None,
     seed: Seed = 0,
@@ -60,7 +62,7 @@ def simulate(
 
     simulator, card = weights.load(weights.find(model or weights.DEFAULT_MODEL))
     where = choose_device(device)
-    scene = read_scene(source, frames, None if no_fit else fit, up, turn, at, block_min, block_max, container)
+    scene = read_scene(source, frames, None if no_fit else fit, up, turn, at, block_min, block_max, container, shape)
     if card.seen is not None and (strange := card.seen.warning(scene)) is not None:
         warnings.warn(strange, stacklevel=1)
     surface = scene.build_surface()

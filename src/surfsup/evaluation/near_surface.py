@@ -8,7 +8,7 @@ import numpy as np
 import torch
 
 from surfsup.scene import Scene
-from surfsup.sdf import MeshSurface, Surface
+from surfsup.sdf import MeshSurface, NeuralSurface, Surface
 
 ROUNDING = 1e-6  # metres: distances are float32
 
@@ -16,7 +16,8 @@ ROUNDING = 1e-6  # metres: distances are float32
 def surface_for_metrics(scene: Scene) -> Surface | None:
     """The solid of ``scene`` by whose distances trajectories are judged; None for an empty container.
 
-    Primitives give their own exact distance, meshes are asked triangle by triangle instead of by their grids.
+    Primitives give their own exact distance, meshes are asked triangle by triangle instead of by their grids, and so
+    are the meshes of neural surfaces, which are trusted at their zero only (supplement, section 6.1).
 
     Raises:
         InputError: a mesh file is missing or not usable.
@@ -24,7 +25,7 @@ def surface_for_metrics(scene: Scene) -> Surface | None:
     surface = scene.build_surface()
     if surface is not None:
         for part in surface.modules():
-            if isinstance(part, MeshSurface):
+            if isinstance(part, MeshSurface | NeuralSurface):
                 part.exact = True
     return surface
 

@@ -1,4 +1,4 @@
-"""A scene from nothing but a mesh: scaled to fit, it stands on the floor, and water falls on it."""
+"""A scene from nothing but a mesh or a neural surface: scaled to fit, it stands on the floor, and water falls on it."""
 
 from __future__ import annotations
 
@@ -14,7 +14,8 @@ from surfsup.errors import InputError
 from surfsup.scene.complaints import one_line
 from surfsup.scene.fluid import PARTICLE_RADIUS, SPACING, Block, Fluid
 from surfsup.scene.scene import Container, Scene
-from surfsup.scene.shapes import MeshShape, Rotation, Shape
+from surfsup.scene.shapes import DeepSdfShape, MeshShape, Rotation, Shape, SirenShape
+from surfsup.sdf import neural_file
 
 FIT = 0.7  # metres: the largest extent of a fitted mesh
 BLOCK_SIDE = 0.45  # metres: 14 particles a side, the middle of the training data
@@ -30,37 +31,55 @@ class Placing:
         up: the mesh's own upward axis, "y" or "z"; None takes the file format's.
         turn: degrees about z.
         at: where the mesh's foot goes, metres.
+        shape: which one of a DeepSDF's.
     """
 
     fit: float | None = FIT
     up: str | None = None
     turn: float = 0.0
     at: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    shape: str | None = None
 
 
-def pour_on_mesh(
+def pour_on(
     path: Path,
     placing: Placing,
     container: Container,
     block: Block | None,
     frames: int,
 ) -> tuple[Scene, str]:
-    """The scene of water falling on the mesh in ``path``.
+    """The scene of water falling on the mesh or the neural surface in ``path``.
 
     Args:
-        path: the mesh file.
+        path: the file.
         placing: how it stands.
         container: what it stands in.
-        block: the water; left out, a cube of 0.45 m above the mesh.
+        block: the water; left out, a cube of 0.45 m above the solid.
         frames: how long.
 
     Returns:
-        The scene, and a line that says how the mesh was placed.
+        The scene, and a line that says how the solid was placed.
 
     Raises:
-        InputError: the mesh cannot be used, does not fit the container, or leaves no room for water above.
+        InputError: the file cannot be used, does not fit the container, or leaves no room for water above.
     """
     shape = shape_of(path, placing)
+    box, said = box_of(path, shape, placing)
+    lower, upper = box
+    check_fits(path, lower, upper, container, fitted=placing.fit is not None)
+    water = block or block_above(lower, upper, container)
+    return Scene(container=container, surface=shape, fluid=[Fluid(block=water)], frames=frames), said
+
+
+def box_of(path: Path, shape: Shape, placing: Placing) -> tuple[np.ndarray, str]:
+    """The box (2, 3) around the placed solid in metres, and a line that says how it was placed.
+
+    Raises:
+        InputError: the file cannot be used.
+    """
+    if shape.mesh is None:
+        box = shape.surface().bounds().double().numpy()
+        return box, f"{path.name} stands {size_text(box)} m"
     with warnings.catch_warnings():
         # The scene's surface is built from the same file and will warn of its faults.
         warnings.simplefilter("ignore", sdf.MeshWarning)
@@ -70,34 +89,55 @@ def pour_on_mesh(
         mesh, _ = sdf.fit_mesh(mesh, placing.fit)
     turn = sdf.axis_rotation((0.0, 0.0, 1.0), placing.turn).numpy()
     corners = np.asarray(mesh.vertices) @ turn.T + np.asarray(placing.at)
-    lower, upper = corners.min(axis=0), corners.max(axis=0)
-    check_fits(path, lower, upper, container, fitted=placing.fit is not None)
-    water = block or block_above(lower, upper, container)
-    scene = Scene(container=container, surface=shape, fluid=[Fluid(block=water)], frames=frames)
-    size = " x ".join(f"{side:.2f}" for side in upper - lower)
-    said = f"{path.name} stands {size} m"
+    box = np.stack([corners.min(axis=0), corners.max(axis=0)])
+    said = f"{path.name} stands {size_text(box)} m"
     if placing.fit is not None:
         own_size = " x ".join(f"{side:.3g}" for side in own_extent)
         said += f" (its own {own_size}, scaled by {placing.fit / own_extent.max():.3g})"
     if placing.up is None and path.suffix.lower() != ".glb":
         said += "; z is taken as up, --up y stands it up if it lies on its side"
-    return scene, said
+    return box, said
+
+
+def size_text(box: np.ndarray) -> str:
+    """The sides of a box (2, 3), for a message."""
+    return " x ".join(f"{side:.2f}" for side in box[1] - box[0])
 
 
 def shape_of(path: Path, placing: Placing) -> Shape:
-    """The mesh in ``path``, placed, as a scene file would describe it.
+    """The mesh or neural surface in ``path``, placed, as a scene file would describe it.
 
     Raises:
-        InputError: a number is not finite or a length not above zero.
+        InputError: a number is not finite or a length not above zero, or an option is not for such a file.
     """
     try:
         return Shape(
-            mesh=MeshShape(file=path.resolve(), fit=placing.fit, up=placing.up),
+            **kind_of_file(path, placing),
             rotate=Rotation(axis=(0.0, 0.0, 1.0), degrees=placing.turn) if placing.turn else None,
             at=placing.at,
         )
     except ValidationError as error:
         raise InputError(f"placing of {path.name}: {one_line(error, Shape)}") from None
+
+
+def kind_of_file(path: Path, placing: Placing) -> dict[str, MeshShape | SirenShape | DeepSdfShape]:
+    """The kind of surface in ``path``, by the key that a scene file has for it.
+
+    Raises:
+        InputError: it is of no known kind, or an option is not for such a file.
+    """
+    file = path.resolve()
+    if path.suffix.lower() != neural_file.ENDING:
+        if placing.shape is not None:
+            raise InputError(f"{path}: is a single shape; leave out --shape, which chooses one of a DeepSDF's")
+        return {"mesh": MeshShape(file=file, fit=placing.fit, up=placing.up)}
+    if placing.up is not None:
+        raise InputError(f"{path}: was stood up when it was fitted; leave out --up")
+    if neural_file.kind_of(path) == neural_file.DEEPSDF:
+        return {"deepsdf": DeepSdfShape(file=file, fit=placing.fit, shape=placing.shape)}
+    if placing.shape is not None:
+        raise InputError(f"{path}: is a single shape; leave out --shape, which chooses one of a DeepSDF's")
+    return {"siren": SirenShape(file=file, fit=placing.fit)}
 
 
 def check_fits(path: Path, lower: np.ndarray, upper: np.ndarray, container: Container, fitted: bool) -> None:

@@ -129,6 +129,49 @@ class MeshShape(Description):
         return sdf.MeshSurface(mesh)
 
 
+class SirenShape(Description):
+    """The SIREN in ``file``; ``fit`` is its largest extent in metres, left out: as what it was fitted to.
+
+    A fitted one is centred in x and y and stands on z = 0.
+    """
+
+    file: Path
+    fit: Length | None = None
+
+    def surface(self, folder: Path = Path()) -> sdf.Surface:
+        """The signed distance; ``folder`` is where relative file names start."""
+        siren = sdf.load_siren(folder / self.file)
+        return siren.in_own_unit() if self.fit is None else sdf.standing(siren, self.fit)
+
+
+class DeepSdfShape(Description):
+    """A shape of the DeepSDF in ``file``: the one called ``shape``, or the one of the latent ``code``.
+
+    A file of a single shape needs neither. ``fit`` is the largest extent in metres, 2 where it is left out; then the
+    middle of the shape's box is its origin, else it is centred in x and y and stands on z = 0.
+    """
+
+    file: Path
+    shape: str | None = None
+    code: list[Finite] | None = None
+    fit: Length | None = None
+
+    @model_validator(mode="after")
+    def one_way_to_choose(self) -> DeepSdfShape:
+        """A name and a code would be two shapes."""
+        if self.shape is not None and self.code is not None:
+            raise ValueError("give either shape or code, not both")
+        return self
+
+    def surface(self, folder: Path = Path()) -> sdf.Surface:
+        """The signed distance; ``folder`` is where relative file names start."""
+        path = folder / self.file
+        shapes = sdf.load_deepsdf(path)
+        code = shapes.code(self.shape) if self.code is None else torch.tensor(self.code)
+        surface = shapes.surface(code).with_lattice()
+        return surface if self.fit is None else sdf.standing(surface, self.fit)
+
+
 class HeightfieldShape(Description):
     """Terrain out of ``file``, a solid that stands on z = 0 and is centred in x and y; row 0 is north, at +y.
 
@@ -172,6 +215,8 @@ class Shape(Description):
     bowl: BowlShape | None = None
     funnel: FunnelShape | None = None
     mesh: MeshShape | None = None
+    siren: SirenShape | None = None
+    deepsdf: DeepSdfShape | None = None
     heightfield: HeightfieldShape | None = None
     union: list[Shape] | None = Field(default=None, min_length=1)
     intersection: list[Shape] | None = Field(default=None, min_length=1)
@@ -249,4 +294,5 @@ def difference_of(parts: list[Shape], folder: Path) -> sdf.Surface:
 
 
 COMBINATIONS = {"union": union_of, "intersection": intersection_of, "difference": difference_of}
-KINDS = ("sphere", "box", "cylinder", "cone", "torus", "bowl", "funnel", "mesh", "heightfield", *COMBINATIONS)
+SOLIDS = ("sphere", "box", "cylinder", "cone", "torus", "bowl", "funnel")
+KINDS = (*SOLIDS, "mesh", "siren", "deepsdf", "heightfield", *COMBINATIONS)

@@ -2,11 +2,14 @@
 
 from surfsup.sdf.boxes import Boxes
 from surfsup.sdf.combine import Difference, Intersection, Union
+from surfsup.sdf.deepsdf import DeepSdf, DeepSdfSurface, load_deepsdf, save_deepsdf
 from surfsup.sdf.heightfield import Heightfield, load_heights
 from surfsup.sdf.mesh import MeshSurface
 from surfsup.sdf.mesh_file import MeshWarning, fit_mesh, load_mesh
+from surfsup.sdf.neural import NeuralSurface, standing
 from surfsup.sdf.polygonise import polygonise
 from surfsup.sdf.primitives import Box, CappedCone, Cylinder, Sphere, Torus
+from surfsup.sdf.siren import SirenSurface, load_siren, save_siren
 from surfsup.sdf.surface import Surface
 from surfsup.sdf.transform import Transformed, axis_rotation
 from surfsup.sdf.vessels import WALL, Bowl, Funnel
@@ -18,12 +21,16 @@ __all__ = [
     "Boxes",
     "CappedCone",
     "Cylinder",
+    "DeepSdf",
+    "DeepSdfSurface",
     "Difference",
     "Funnel",
     "Heightfield",
     "Intersection",
     "MeshSurface",
     "MeshWarning",
+    "NeuralSurface",
+    "SirenSurface",
     "Sphere",
     "Surface",
     "Torus",
@@ -31,7 +38,12 @@ __all__ = [
     "Union",
     "axis_rotation",
     "fit_mesh",
+    "load_deepsdf",
     "load_heights",
     "load_mesh",
+    "load_siren",
     "polygonise",
+    "save_deepsdf",
+    "save_siren",
+    "standing",
 ]

@@ -1,0 +1,1 @@
+"""Networks fitted to shapes: SIRENs to one, DeepSDFs to many."""

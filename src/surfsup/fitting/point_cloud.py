@@ -1,0 +1,125 @@
+"""Oriented point clouds: places on a surface, each with the direction that points out of the solid."""
+
+from __future__ import annotations
+
+import io
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from surfsup.errors import InputError
+from surfsup.sdf.mesh_file import FLAT
+from surfsup.sdf.mesh_query import unit
+
+CLOUD_ENDINGS = (".xyz", ".ply")
+FEWEST = 100  # points that a surface is told from
+NORMAL_NAMES = ("nx", "ny", "nz")
+MEND = (
+    "estimate and orient them, for instance in MeshLab ('Compute normals for point sets') or with Open3D's "
+    "estimate_normals and orient_normals_consistent_tangent_plane, and export them as nx ny nz"
+)
+
+
+@dataclass(frozen=True)
+class PointCloud:
+    """Points on the surface of a solid.
+
+    Attributes:
+        points: (N, 3) in the file's own unit.
+        normals: (N, 3) of length one, out of the solid.
+    """
+
+    points: np.ndarray
+    normals: np.ndarray
+
+
+def is_cloud(path: Path) -> bool:
+    """Whether the file ``path`` holds points and no triangles."""
+    if path.suffix.lower() == ".xyz":
+        return True
+    if path.suffix.lower() != ".ply" or not path.is_file():
+        return False
+    with path.open("rb") as file:
+        for line in file:
+            words = line.split()
+            if words[:2] == [b"element", b"face"]:
+                return int(words[2]) == 0 if len(words) > 2 and words[2].isdigit() else False
+            if words[:1] == [b"end_header"]:
+                return True
+    return False
+
+
+def load_cloud(path: Path) -> PointCloud:
+    """The oriented points in a PLY file (x y z nx ny nz) or an XYZ file (six numbers a line).
+
+    Raises:
+        InputError: the file is missing or damaged, has no normals, too few points, numbers that are not finite, or is
+            flat, so that it has no inside.
+    """
+    if not path.is_file():
+        raise InputError(f"{path}: cannot be read; check the path")
+    rows = rows_of_ply(path) if path.suffix.lower() == ".ply" else rows_of_text(path)
+    if len(rows) < FEWEST:
+        count = len(rows) or "no"
+        raise InputError(f"{path}: has {count} points; give a cloud of at least {FEWEST}, better of 100,000")
+    if not np.isfinite(rows).all():
+        raise InputError(f"{path}: has numbers that are not finite (NaN or infinity); export it again")
+    points, normals = rows[:, :3], rows[:, 3:]
+    none = int((np.linalg.norm(normals, axis=1) < 1e-9).sum())
+    if none:
+        raise InputError(f"{path}: {none} of its normals are zero; {MEND}")
+    spread = np.linalg.svd(points - points.mean(axis=0), compute_uv=False, full_matrices=False)
+    if spread[-1] <= FLAT * spread[0]:
+        raise InputError(f"{path}: is flat, so it has no inside; give points on all sides of a solid")
+    return PointCloud(points, unit(normals))
+
+
+def rows_of_text(path: Path) -> np.ndarray:
+    """The numbers of an XYZ file (N, 6).
+
+    Raises:
+        InputError: it is not text, or its lines do not have six numbers.
+    """
+    try:
+        lines = path.read_text(encoding="utf-8").splitlines()
+    except (OSError, ValueError):
+        raise InputError(f"{path}: cannot be read as text; export it as XYZ with normals") from None
+    filled = [(number, line.split()) for number, line in enumerate(lines, 1) if line.strip() and line[0] not in "#/"]
+    rows = np.empty((len(filled), 6))
+    for row, (number, words) in zip(rows, filled, strict=True):
+        if len(words) == 3:
+            raise InputError(f"{path}: its points have no normals (line {number} has 3 numbers); {MEND}")
+        try:
+            row[:] = [float(word) for word in words[:6]]
+        except ValueError:
+            raise InputError(f"{path}: line {number} is not six numbers, x y z nx ny nz") from None
+    return rows
+
+
+def rows_of_ply(path: Path) -> np.ndarray:
+    """The places and normals of a PLY file (N, 6).
+
+    Raises:
+        InputError: it is damaged or has no normals.
+    """
+    from trimesh.exchange.ply import load_ply
+
+    try:
+        raw = load_ply(io.BytesIO(path.read_bytes()), skip_materials=True)["metadata"]["_ply_raw"]["vertex"]["data"]
+        columns = {name: np.asarray(raw[name], dtype=np.float64).reshape(-1) for name in raw_names(raw)}
+        places = np.stack([columns[name] for name in "xyz"], axis=1)
+    except Exception as error:
+        # The reader fails on damaged files in every way there is.
+        reason = " ".join(str(error).split())[:120] or type(error).__name__
+        raise InputError(f"{path}: is damaged or is no PLY file ({reason}); export it again") from None
+    if len(places) and not set(NORMAL_NAMES) <= set(columns):
+        raise InputError(f"{path}: its points have no normals (no nx, ny, nz); {MEND}")
+    if not len(places):
+        return np.empty((0, 6))
+    return np.concatenate([places, np.stack([columns[name] for name in NORMAL_NAMES], axis=1)], axis=1)
+
+
+def raw_names(raw: object) -> list[str]:
+    """The properties of the vertices in a PLY file, of which some readers make a mapping and some an array."""
+    return list(raw.dtype.names) if isinstance(raw, np.ndarray) else list(raw)  # type: ignore[arg-type]
