@@ -1,9 +1,12 @@
 import numpy as np
 import pytest
+import torch
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
 from surfsup.datasets.windows import Windows
+from surfsup.evaluation.judge import first_trajectories
 from surfsup.training import tensorboard as module
+from surfsup.training.rollout_picture import draw_rollout
 from surfsup.training.tensorboard import TensorBoard, log_of
 from surfsup.training.train import Run, train
 from surfsup.viewing.graphics import missing_packages
@@ -47,6 +50,15 @@ def test_a_rollout_is_drawn_where_this_machine_can(tmp_path, data):
         train(run, Windows(data), data, log=log)
     (picture,) = written(run).Images("rollout (below: the truth)")
     assert (picture.step, picture.width, picture.height) == (1, 3 * 480, 2 * 360)
+
+
+@pytest.mark.skipif(bool(missing_packages()), reason="this machine cannot draw")
+def test_a_rollout_that_blows_up_is_drawn_as_an_empty_stage(data):
+    model = Run(config(), data).model.requires_grad_(False)
+    for weight in model.parameters():
+        weight.fill_(torch.nan)
+    picture = draw_rollout(model, first_trajectories(data, 1)[0], 4)
+    assert picture.shape == (2 * 360, 3 * 480, 3)
 
 
 def test_without_graphics_one_line_says_so(tmp_path, data, monkeypatch):

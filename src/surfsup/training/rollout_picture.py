@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import torch
 
+from surfsup.evaluation.rollout import while_sound
 from surfsup.model.learned_simulator import LearnedSimulator
 from surfsup.model.state import Surroundings
 from surfsup.pictures import renderer_of
@@ -36,13 +37,11 @@ def draw_rollout(model: LearnedSimulator, path: Path, frames: int) -> np.ndarray
         start, velocities = (torch.from_numpy(data[0]).to(device) for data in (truth.positions, truth.velocities))
         rollout = model.rollout(model.start(start, velocities, around), around, frames)
         made = {}
-        for number, (state, _) in enumerate(rollout):
-            if not bool(torch.isfinite(state.positions).all()):
-                break
+        for number, (state, _) in enumerate(while_sound(rollout)):
             if number in chosen:
                 made[number] = state.positions.cpu().numpy()
         renderer = renderer_of(truth, SIZE)
-        gone = np.empty((0, 3), np.float32)  # a rollout that blew up leaves an empty stage
+        gone = np.empty((0, 3), np.float32)  # a rollout that blew up or collapsed leaves an empty stage
         rows = [
             np.hstack([renderer.image(made.get(number, gone)) for number in chosen]),
             np.hstack([renderer.image(truth.positions[number]) for number in chosen]),
