@@ -82,6 +82,17 @@ def test_drawn_windows_are_the_files_frames_in_a_row(tmp_path, count, past):
         assert max(presents) > 320 > min(presents)
 
 
+def test_windows_of_several_folders_are_drawn_alike(tmp_path):
+    for name, count in (("one", 2), ("two", 1)):
+        (tmp_path / name).mkdir()
+        for number in range(count):
+            write(tmp_path / name / f"{number}.h5", 5)
+    windows, random = Windows(tmp_path / "one", tmp_path / "two"), np.random.default_rng(2)
+    drawn = [windows.draw(random, 1, 2).name for _ in range(90)]
+    assert {drawn.count(str(path)) > 15 for path in windows.paths} == {True}
+    assert len(windows) == 3
+
+
 def test_the_same_generator_draws_the_same_window(tmp_path):
     write(tmp_path / "a.h5", 20)
     windows = Windows(tmp_path)
@@ -108,8 +119,11 @@ def test_data_of_other_units_are_refused(tmp_path, unit):
 
 
 def test_a_folder_without_trajectories_is_refused(tmp_path):
-    with pytest.raises(InputError, match="has no trajectories"):
-        Windows(tmp_path)
+    (tmp_path / "filled").mkdir()
+    (tmp_path / "empty").mkdir()
+    write(tmp_path / "filled" / "a.h5", 5)
+    with pytest.raises(InputError, match="empty: has no trajectories"):
+        Windows(tmp_path / "filled", tmp_path / "empty")
 
 
 def test_symmetries_are_the_eight_of_a_square():

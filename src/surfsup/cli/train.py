@@ -17,7 +17,7 @@ def train(
     preset: Annotated[str, typer.Argument(metavar="PRESET|CONFIG.yaml", help="What to train, and how.")],
     validation: Annotated[Path, typer.Option(help="Folder of trajectories that choose the checkpoint.")],
     out: Annotated[Path, typer.Option("-o", "--out", help="Folder of the run.")],
-    data: Annotated[Path | None, typer.Option(help="Folder of training trajectories.")] = None,
+    data: Annotated[list[Path] | None, typer.Option(help="Folder of training trajectories; may be repeated.")] = None,
     stream: Annotated[str | None, typer.Option(help="Train on new scenes of this recipe as they are made.")] = None,
     workers: Workers = None,
     scheduler: Scheduler = None,
@@ -46,9 +46,9 @@ def train(
     from surfsup.training.train import Run
     from surfsup.training.train import train as run_training
 
-    if (data is None) == (stream is None):
+    if bool(data) == (stream is not None):
         raise InputError("train on either --data DIR or --stream RECIPE")
-    if data is not None and (workers or scheduler):
+    if data and (workers or scheduler):
         raise InputError("--workers and --scheduler are for --stream, but --data needs none")
     torch.set_num_threads(threads)
     config = load_config(preset, overrides)
@@ -63,8 +63,8 @@ def train(
     with ExitStack() as stack:
         stack.enter_context(stop)
         where, number = run.fabric.device, run.fabric.global_rank
-        if data is not None:
-            windows = Windows(data, where)
+        if data:
+            windows = Windows(*data, device=where)
         else:
             folder = out / f"process-{number}" if number else out
             entropy = [config.seed, run.step, number]

@@ -76,20 +76,23 @@ class WindowSource(Protocol):
 
 
 class Windows:
-    """Random windows of a folder of trajectories."""
+    """Random windows of one or more folders of trajectories, each trajectory being as likely."""
 
-    def __init__(self, folder: Path, device: torch.device | str = "cpu") -> None:
-        """Look through every trajectory in ``folder``; windows will lie on ``device``.
+    def __init__(self, *folders: Path, device: torch.device | str = "cpu") -> None:
+        """Look through every trajectory in ``folders``; windows will lie on ``device``.
 
         Files are opened anew for every window, which takes 2 ms: a thousand open ones would be more than most
         systems allow, and each would keep its last chunks in memory.
 
         Raises:
-            InputError: there is none, or one cannot be read or is of another frame time or particle radius.
+            InputError: a folder has none, or one cannot be read or is of another frame time or particle radius.
         """
-        self.paths = sorted(folder.glob("*.h5"))
-        if not self.paths:
-            raise InputError(f"{folder}: has no trajectories (*.h5); make some with 'surfsup generate'")
+        self.paths: list[Path] = []
+        for folder in folders:
+            found = sorted(folder.glob("*.h5"))
+            if not found:
+                raise InputError(f"{folder}: has no trajectories (*.h5); make some with 'surfsup generate'")
+            self.paths += found
         self._surroundings = []
         for path in self.paths:
             with Trajectory(path) as trajectory:
