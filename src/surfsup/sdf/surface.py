@@ -74,7 +74,12 @@ class Surface(nn.Module, ABC):
 
     def records_gradients(self) -> bool:
         """Whether any parameter of the shape (a module parameter or a buffer) wants a gradient."""
-        return any(tensor.requires_grad for tensor in chain(self.parameters(), self.buffers()))
+        return bool(self.recording())
+
+    def recording(self) -> list[Tensor]:
+        """The parameters of the shape (module parameters and buffers) that want a gradient, each once."""
+        every = {id(tensor): tensor for tensor in chain(self.parameters(), self.buffers())}
+        return [tensor for tensor in every.values() if tensor.requires_grad]
 
     @property
     def exact_outside(self) -> bool:

@@ -1,0 +1,78 @@
+"""What a design is to reach, as a number of where the water is in the end; more is better.
+
+The densities are those of section 7.1 of the SURFSUP supplement, the mean over the particles of the logarithm.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+from torch import Tensor
+
+from surfsup.errors import InputError
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """How a rollout ended.
+
+    Attributes:
+        positions: (N, 3) of all particles in metres; where it landed for one that reached the floor and so left.
+        landed: (N,) bool, who did.
+        parameters: the design that made it, by name.
+    """
+
+    positions: Tensor
+    landed: Tensor
+    parameters: Mapping[str, Tensor]
+
+
+Reward = Callable[[Outcome], Tensor]
+
+
+def near(centre: Sequence[float], variance: float) -> Reward:
+    """The mean log density of N(``centre``, ``variance``) at the places of all particles: the bowl's reward.
+
+    Args:
+        centre: (3,), metres.
+        variance: in m², the same in every direction.
+    """
+
+    def reward(end: Outcome) -> Tensor:
+        return log_density(end.positions, centre, variance).mean()
+
+    return reward
+
+
+def landing_near(centre: Sequence[float], variance: float) -> Reward:
+    """The mean log density of N(``centre``, ``variance``) over the floor where particles landed: the funnel's reward.
+
+    Args:
+        centre: (2,), metres.
+        variance: in m², the same in every direction.
+
+    Raises:
+        NothingLanded: no particle has, so there is no such mean.
+    """
+
+    def reward(end: Outcome) -> Tensor:
+        if not bool(end.landed.any()):
+            raise NothingLanded(
+                "no particle reached the floor, so the reward is undefined; give more --frames, or a start whose hole "
+                "lets water through"
+            )
+        return log_density(end.positions[end.landed][:, :2], centre, variance).mean()
+
+    return reward
+
+
+class NothingLanded(InputError):
+    """A reward over landed particles has none to look at."""
+
+
+def log_density(places: Tensor, centre: Sequence[float], variance: float) -> Tensor:
+    """The log density (N,) of a normal distribution around ``centre`` (D,) at ``places`` (N, D)."""
+    squared = (places - places.new_tensor(centre)).square().sum(dim=-1)
+    return -squared / (2 * variance) - places.shape[1] / 2 * math.log(2 * math.pi * variance)
