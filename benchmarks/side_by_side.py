@@ -1,0 +1,154 @@
+"""The supplement's Tables 1 and 2 with our numbers beside the paper's, and the courses of training over compute.
+
+    python benchmarks/side_by_side.py REPORTS [--runs runs/side] [--figure docs/images/side-by-side.png]
+
+REPORTS holds a folder for each preset and guard, as `surfsup evaluate` makes them: surfsup, surfsup-no-guard, gns and
+so on. RUNS holds the trainings under the presets' names, for the figure: Chamfer of the rollouts on validation scenes
+over the seconds of training, judging included. Tables are written as Markdown.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import json
+from pathlib import Path
+from typing import Any
+
+PRESETS = ("surfsup", "gns", "value-only", "no-sdf", "surfsup-velocity")
+WINDOW = "all"
+# Table 2: Chamfer, Chamfer Surface and number inside on Prim-Shapes.
+PAPER_PRIMITIVES = {
+    "surfsup": ("0.0297", "4.704", "0"),
+    "value-only": ("0.0319", "10.782", "30433"),
+    "no-sdf": ("0.0815", "45.463", "193071"),
+}
+# Table 1: Chamfer, Chamfer Surface, Surface Penetration and Mean Inside Surface, ours and the baseline's. Theirs are
+# other solids of the same names; the second lion is the one whose two rows are not another's.
+PAPER_SCENES = {
+    ("00000", "coral"): {"surfsup": "0.096 / 119.79 / 6782 / -0.0028", "gns": "0.380 / 602.66 / 102783 / -0.051"},
+    ("00001", "room"): {"surfsup": "0.1153 / 125.39 / 9526 / -0.0065", "gns": "1.1133 / 877.55 / 36106 / -0.0181"},
+    ("00002", "lion"): {"surfsup": "0.0437 / 16.74 / 16899 / -0.0153", "gns": "0.0645 / 74.65 / 379329 / -0.0273"},
+}
+PLACES = {"chamfer": 4, "surface_squared": 2, "penetration": 0, "depth": 4, "lost": 0, "height": 3, "energy": 2}
+
+
+def read(report: Path) -> dict[str, Any] | None:
+    """The report in a folder, None where there is none."""
+    path = report / "report.json"
+    return json.loads(path.read_text()) if path.is_file() else None
+
+
+def told(values: dict[str, Any], key: str) -> str:
+    """A metric of the model as text."""
+    value = values[key]["model"]
+    return "lost" if value is None and key != "depth" else "–" if value is None else f"{value:.{PLACES[key]}f}"
+
+
+def window_of(entry: dict[str, Any]) -> dict[str, Any]:
+    """The longest window that an entry reaches."""
+    return entry["windows"][WINDOW]
+
+
+def means_of(report: dict[str, Any], data: str) -> dict[str, Any] | None:
+    """The means over all scenes of a data set."""
+    found = [entry for entry in report["means"] if entry["data"] == data and entry["surface"] == "all"]
+    return window_of(found[0]) if found else None
+
+
+def table(header: list[str], rows: list[list[str]]) -> str:
+    """Markdown."""
+    lines = [header, ["---"] * len(header), *rows]
+    return "\n".join("| " + " | ".join(line) + " |" for line in lines) + "\n"
+
+
+def data_sets(reports: dict[str, dict[str, Any]]) -> str:
+    """Every data set and preset: Chamfer, height, energy, inside and lost."""
+    names = list(dict.fromkeys(one["name"] for report in reports.values() for one in report["data"]))
+    rows = []
+    for data in names:
+        for name, report in reports.items():
+            means = means_of(report, data)
+            if means is not None:
+                keys = ("chamfer", "surface_squared", "height", "energy", "penetration", "lost")
+                ratio = means["chamfer"]["ratio"]
+                beside = "" if ratio is None else f"{ratio:.2f}"
+                rows.append(
+                    [data, name, *[told(means, key) for key in keys[:1]], beside, *[told(means, k) for k in keys[1:]]]
+                )
+    header = [
+        "data set",
+        "model",
+        "Chamfer, m",
+        "over the floor",
+        "Surface, m²",
+        "height error, m",
+        "energy",
+        "inside",
+        "lost",
+    ]
+    return table(header, rows)
+
+
+def ablation(reports: dict[str, dict[str, Any]], data: str) -> str:
+    """Table 2."""
+    rows = []
+    for name, report in reports.items():
+        means = means_of(report, data)
+        if means is not None:
+            paper = PAPER_PRIMITIVES.get(name.removesuffix("-no-guard"), ("–",) * 3)
+            ours = [told(means, key) for key in ("chamfer", "surface_squared", "penetration")]
+            rows.append([name, *[f"{own} ({theirs})" for own, theirs in zip(ours, paper, strict=True)]])
+    return table(["model", "Chamfer (paper)", "Chamfer Surface (paper)", "inside (paper)"], rows)
+
+
+def complex_scenes(reports: dict[str, dict[str, Any]]) -> str:
+    """Table 1."""
+    rows = []
+    for (scene, solid), paper in PAPER_SCENES.items():
+        for name, report in reports.items():
+            found = [one for one in report["scenes"] if (one["data"], one["scene"]) == ("complex-scenes", scene)]
+            if found:
+                keys = ("chamfer", "surface_squared", "penetration", "depth")
+                ours = " / ".join(told(window_of(found[0]), key) for key in keys)
+                rows.append([solid, name, ours, paper.get(name.removesuffix("-no-guard"), "–")])
+    return table(["scene", "model", "Chamfer / Surface / inside / mean inside, m", "the paper's"], rows)
+
+
+def draw(runs: Path, path: Path) -> None:
+    """Chamfer over seconds of training."""
+    import matplotlib.pyplot as plt
+
+    figure, axes = plt.subplots(figsize=(7, 4), constrained_layout=True)
+    for name in PRESETS:
+        log = runs / name / "log.csv"
+        if not log.is_file():
+            continue
+        with log.open(newline="") as file:
+            rows = [row for row in csv.DictReader(file) if row["chamfer"] != "nan"]
+        minutes, chamfer = [float(row["seconds"]) / 60 for row in rows], [float(row["chamfer"]) for row in rows]
+        axes.plot(minutes, chamfer, marker="o", label=name)
+    axes.set(xlabel="minutes of training, judging included", ylabel="Chamfer on validation scenes, m", yscale="log")
+    axes.grid(alpha=0.3)
+    axes.legend()
+    figure.savefig(path, dpi=120)
+
+
+def main() -> None:
+    """Print the tables, draw the figure."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("reports", type=Path)
+    parser.add_argument("--runs", type=Path, default=None)
+    parser.add_argument("--figure", type=Path, default=Path("docs/images/side-by-side.png"))
+    arguments = parser.parse_args()
+    names = [name + end for name in PRESETS for end in ("", "-no-guard")]
+    reports = {name: report for name in names if (report := read(arguments.reports / name)) is not None}
+    print(data_sets(reports))
+    print(ablation(reports, "prim-shapes-test"))
+    print(complex_scenes(reports))
+    if arguments.runs is not None:
+        draw(arguments.runs, arguments.figure)
+
+
+if __name__ == "__main__":
+    main()
