@@ -34,10 +34,10 @@ class FitConfig(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     steps: int = Field(default=8_000, ge=1)
-    learning_rate: float = Field(default=2e-3, gt=0, allow_inf_nan=False)
+    learning_rate: float = Field(default=5e-4, gt=0, allow_inf_nan=False)
     final_learning_rate: float = Field(default=1e-5, ge=0, allow_inf_nan=False)
     warm_up: int = Field(default=100, ge=0)
-    clip: float = Field(default=1e6, gt=0)
+    clip: float = Field(default=1.0, gt=0)
     averaging: float = Field(default=0.998, ge=0, lt=1)
     judge_every: int = Field(default=500, ge=1)
     seed: int = Field(default=0, ge=0)

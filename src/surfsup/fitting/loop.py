@@ -12,7 +12,8 @@ from surfsup.fitting.fit import Fit
 
 SAVE_EVERY = 60.0  # seconds: what a kill loses at most
 SMOOTHING = 0.98
-RUNAWAY = 20.0  # times its smallest smoothed value: a loss above that has lost its way
+RUNAWAY = 8.0  # times its smallest smoothed value: a loss above that has lost its way
+WORSE = 3.0  # times the least error: likewise
 SETTLED = 50  # steps after which a loss can run away
 
 
@@ -60,6 +61,8 @@ def run(fit: Fit, stop: Callable[[], bool] = lambda: False, report: Callable[[Pr
         measured = fit.step % fit.config.judge_every == 0
         if measured:
             error = fit.judge()
+            if error > WORSE * fit.least:
+                raise Diverged(end_of(fit, loss))
         if time.monotonic() - saved > SAVE_EVERY:
             fit.save()
             saved = time.monotonic()

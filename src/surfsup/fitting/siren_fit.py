@@ -10,7 +10,7 @@ import torch
 from pydantic import Field
 from torch import Tensor, nn
 
-from surfsup.fitting.exact import ExactShape, Known, cube_of, into_cube
+from surfsup.fitting.exact import ExactMesh, Known, cube_of, into_cube, joined_of
 from surfsup.fitting.fit import Fit, FitConfig
 from surfsup.fitting.point_cloud import PointCloud
 from surfsup.sdf.siren import Cube, SirenSizes
@@ -36,6 +36,7 @@ class SirenConfig(FitConfig):
         direction: weight of 1 - cos between ∇F and the exact gradient there; ours.
     """
 
+    clip: float = Field(default=2e4, gt=0)
     width: int = Field(default=128, ge=1, le=1024)
     layers: int = Field(default=3, ge=1, le=16)
     frequency: float = Field(default=30.0, gt=0, allow_inf_nan=False)
@@ -96,13 +97,13 @@ class SirenTarget:
     held_out: Places
 
     @classmethod
-    def of_mesh(cls, shape: ExactShape, seed: int) -> SirenTarget:
+    def of_mesh(cls, shape: ExactMesh, seed: int) -> SirenTarget:
         """Points of a mesh, drawn by ``seed``."""
         random = np.random.default_rng(seed)
         surface = Places.of(shape.on_surface(ON_SURFACE, random))
         near, far = shape.around(AROUND, SPREADS, random), shape.in_cube(FAR, REACH, random)
-        both = (np.concatenate([a, b]) for a, b in zip(vars(near).values(), vars(far).values(), strict=True))
-        return cls(shape.cube, surface, Places.of(Known(*both)), Places.of(shape.near(HELD_OUT, random)))
+        around = Places.of(joined_of([near, far]))
+        return cls(shape.cube, surface, around, Places.of(shape.near(HELD_OUT, random)))
 
     @classmethod
     def of_cloud(cls, cloud: PointCloud, seed: int) -> SirenTarget:

@@ -1,15 +1,19 @@
-"""What a SIREN can be fitted to: a mesh, an oriented point cloud, or the solid of a scene file."""
+"""What a SIREN can be fitted to: a mesh, an oriented point cloud, the solid of a scene file, or our own sculptures."""
 
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from surfsup.datasets.sculptures.coral import coral
+from surfsup.datasets.sculptures.lion import lion
+from surfsup.datasets.sculptures.room import room
 from surfsup.errors import InputError
-from surfsup.fitting.exact import ExactShape
+from surfsup.fitting.exact import ExactMesh
 from surfsup.fitting.point_cloud import CLOUD_ENDINGS, is_cloud, load_cloud
 from surfsup.fitting.siren_fit import SirenTarget
 from surfsup.scene import Scene
@@ -23,11 +27,11 @@ SCENES = (".yaml", ".yml")
 SCENE_RESOLUTION = 256  # cells of the triangles of a solid that has none of its own
 
 
-def read_input(path: Path, up: str | None, seed: int) -> tuple[SirenTarget, ExactShape | None]:
+def read_input(path: Path, up: str | None, seed: int) -> tuple[SirenTarget, ExactMesh | None]:
     """The points of the input in ``path``, and its exact shape, which a cloud does not have.
 
     Args:
-        path: a mesh, a cloud or a scene file.
+        path: a mesh, a cloud or a scene file, or the name of one of the project's own sculptures.
         up: the input's own upward axis, "y" or "z"; None takes the file format's.
         seed: where the choice of points starts.
 
@@ -37,11 +41,17 @@ def read_input(path: Path, up: str | None, seed: int) -> tuple[SirenTarget, Exac
     if up not in (None, "y", "z"):
         raise InputError(f"--up is '{up}', but must be y or z")
     ending = path.suffix.lower()
+    if path.name in OWN and not path.exists():
+        shape = ExactMesh(OWN[path.name]())
+        return SirenTarget.of_mesh(shape, seed), shape
     if ending[1:] not in FORMATS and ending not in (*CLOUD_ENDINGS, *SCENES):
         known = ", ".join([*(f".{name}" for name in FORMATS), ".xyz", ".yaml"])
-        raise InputError(f"{path}: is nothing that a SIREN can be fitted to; give a file that ends in one of {known}")
+        raise InputError(
+            f"{path}: is nothing that a SIREN can be fitted to; give a file that ends in one of {known}, "
+            f"or one of {', '.join(OWN)}"
+        )
     if ending in SCENES:
-        shape = ExactShape(solid_of(path))
+        shape = ExactMesh(solid_of(path))
         return SirenTarget.of_mesh(shape, seed), shape
     if is_cloud(path):
         cloud = load_cloud(path)
@@ -49,8 +59,16 @@ def read_input(path: Path, up: str | None, seed: int) -> tuple[SirenTarget, Exac
             turned = (np.stack([v[:, 0], -v[:, 2], v[:, 1]], axis=1) for v in (cloud.points, cloud.normals))
             cloud = dataclasses.replace(cloud, **dict(zip(("points", "normals"), turned, strict=True)))
         return SirenTarget.of_cloud(cloud, seed), None
-    shape = ExactShape(load_mesh(path, up=up))
+    shape = ExactMesh(load_mesh(path, up=up))
     return SirenTarget.of_mesh(shape, seed), shape
+
+
+def room_mesh() -> trimesh.Trimesh:
+    """The triangles of the furnished room, metres."""
+    return room().surface().to_mesh(SCENE_RESOLUTION)
+
+
+OWN: dict[str, Callable[[], trimesh.Trimesh]] = {"coral": coral, "lion": lion, "room": room_mesh}
 
 
 def solid_of(path: Path) -> trimesh.Trimesh:

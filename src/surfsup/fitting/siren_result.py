@@ -12,7 +12,7 @@ from scipy.spatial import cKDTree
 
 from surfsup import __version__
 from surfsup.errors import InputError
-from surfsup.fitting.exact import ExactShape
+from surfsup.fitting.exact import ExactMesh
 from surfsup.fitting.siren_fit import SirenFit
 from surfsup.sdf.lattice import Lattice
 from surfsup.sdf.mesh_query import unit
@@ -81,7 +81,7 @@ def surface_of(fit: SirenFit, about: dict[str, Any]) -> tuple[SirenSurface, trim
     return SirenSurface(network, box, lattice, fit.target.cube, {**about, **made}), mesh
 
 
-def errors_of(surface: SirenSurface, mesh: trimesh.Trimesh, shape: ExactShape, seed: int) -> Errors:
+def errors_of(surface: SirenSurface, mesh: trimesh.Trimesh, shape: ExactMesh, seed: int) -> Errors:
     """How far ``surface``, whose extracted mesh is ``mesh``, is from the exact ``shape``."""
     random = np.random.default_rng([seed, 1])
     near, on = shape.near(CHECKED, random), shape.on_surface(COMPARED, random)

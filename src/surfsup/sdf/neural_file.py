@@ -15,7 +15,8 @@ from surfsup.errors import InputError
 ENDING = ".safetensors"
 SIREN = "surfsup-siren-1"
 DEEPSDF = "surfsup-deepsdf-1"
-VERBS = {SIREN: "surfsup fit siren", DEEPSDF: "surfsup fit deepsdf"}
+SAMPLES = "surfsup-samples-1"
+VERBS = {SIREN: "surfsup fit siren", DEEPSDF: "surfsup fit deepsdf", SAMPLES: "surfsup fit deepsdf"}
 
 
 def write(path: Path, kind: str, header: dict[str, Any], tensors: dict[str, Tensor]) -> None:
@@ -41,7 +42,7 @@ def kind_of(path: Path) -> str:
         InputError: the file is missing, cut off, or holds something else.
     """
     found = metadata_of(path).get("format", "something else")
-    if found not in VERBS:
+    if found not in (SIREN, DEEPSDF):
         raise InputError(
             f"{path}: holds '{found}', no neural surface; make one with '{VERBS[SIREN]}' or '{VERBS[DEEPSDF]}'"
         )

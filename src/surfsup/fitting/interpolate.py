@@ -1,0 +1,58 @@
+"""The solids between two latent codes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import torch
+import trimesh
+from torch import Tensor
+
+from surfsup.errors import InputError
+from surfsup.sdf.deepsdf import DeepSdf
+from surfsup.sdf.polygonise import polygonise
+
+RESOLUTION = 96  # cells along the cube
+
+
+@dataclass(frozen=True)
+class Between:
+    """A solid on the way from one code to another.
+
+    Attributes:
+        share: of the second code, 0 to 1.
+        mesh: of it, in the cube of side 2; None where the code has no inside.
+        parts: connected parts of the mesh.
+        closed: whether the mesh is.
+    """
+
+    share: float
+    mesh: trimesh.Trimesh | None
+    parts: int
+    closed: bool
+
+    @property
+    def whole(self) -> bool:
+        """Whether it is one connected, closed mesh."""
+        return self.parts == 1 and self.closed
+
+
+def interpolate(
+    shapes: DeepSdf, first: Tensor, second: Tensor, steps: int, resolution: int = RESOLUTION
+) -> Iterator[Between]:
+    """The solids of ``steps`` codes evenly from ``first`` (C,) to ``second`` (C,), both ends among them.
+
+    Raises:
+        InputError: there are fewer than two steps, or a code is of another length.
+    """
+    if steps < 2:
+        raise InputError(f"an interpolation of {steps} steps has no two ends; give at least 2")
+    for share in torch.linspace(0, 1, steps).tolist():
+        surface = shapes.surface((1 - share) * first + share * second)
+        try:
+            mesh = polygonise(surface, resolution)
+        except InputError:
+            yield Between(share, None, 0, False)
+            continue
+        yield Between(share, mesh, int(mesh.body_count), bool(mesh.is_watertight))

@@ -1,0 +1,35 @@
+"""The samples of a DeepSDF's shapes on the disk, so that a fit that goes on need not draw them again."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from surfsup.errors import InputError
+from surfsup.fitting.deepsdf_fit import ShapeSamples
+from surfsup.sdf import neural_file
+
+NAME = "samples.safetensors"
+
+
+def save_samples(folder: Path, samples: ShapeSamples) -> None:
+    """Write ``samples`` into ``folder``.
+
+    Raises:
+        InputError: the disk is full or not writable.
+    """
+    tensors = {"points": samples.points, "distance": samples.distance}
+    neural_file.write(folder / NAME, neural_file.SAMPLES, {"names": samples.names}, tensors)
+
+
+def load_samples(folder: Path) -> ShapeSamples:
+    """The samples in ``folder``.
+
+    Raises:
+        InputError: they are missing or damaged.
+    """
+    path = folder / NAME
+    header, tensors = neural_file.read(path, neural_file.SAMPLES)
+    try:
+        return ShapeSamples(header["names"], tensors["points"], tensors["distance"])
+    except KeyError as error:
+        raise InputError(f"{path}: is damaged ({error} is missing); start the fit again") from None
