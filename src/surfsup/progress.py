@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from rich.progress import ProgressColumn
 
     from surfsup.fitting.loop import Progress as FitProgress
+    from surfsup.design.run import Progress as DesignProgress
     from surfsup.training.train import Progress
 
 
@@ -120,6 +121,29 @@ def fitting_line() -> Iterator[Callable[[FitProgress], None]]:
         line.update(line.task_ids[0], completed=now.step, total=now.steps, **fields)
         if now.measured:
             line.console.print(f"step {now.step}: loss {now.loss:.4g}, error {now.error:.3g}", highlight=False)
+
+    try:
+        yield tell
+    finally:
+        line.stop()
+
+
+@contextmanager
+def design_line(what: str) -> Iterator[Callable[[DesignProgress], None]]:
+    """A live line of a design run: iteration, reward, parameters, time left."""
+    from rich import progress as rich
+    from rich.console import Console
+
+    columns = (rich.BarColumn(), rich.MofNCompleteColumn(), rich.TimeElapsedColumn(), time_left())
+    text = rich.TextColumn("{task.description} reward {task.fields[reward]:.4f}, {task.fields[values]}")
+    line = rich.Progress(text, *columns, console=Console(stderr=True))
+
+    def tell(now: DesignProgress) -> None:
+        fields = {"reward": now.reward, "values": now.values, "left": now.seconds_left, "told": time.monotonic()}
+        if not line.task_ids:
+            line.add_task(what, **fields)
+            line.start()
+        line.update(line.task_ids[0], completed=now.iteration, total=now.iterations, **fields)
 
     try:
         yield tell

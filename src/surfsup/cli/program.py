@@ -13,6 +13,7 @@ import typer
 
 from surfsup import __version__
 from surfsup.cli.compare import compare
+from surfsup.cli.design import design
 from surfsup.cli.doctor import doctor
 from surfsup.cli.evaluate import evaluate
 from surfsup.cli.fit import fit
@@ -33,7 +34,7 @@ app = typer.Typer(
     rich_markup_mode=None,
 )
 
-for verb in (simulate, reference, generate, floor, train, evaluate, compare, view, render, doctor):
+for verb in (simulate, reference, generate, floor, train, evaluate, compare, design, view, render, doctor):
     app.command()(verb)
 app.add_typer(fit, name="fit")
 

@@ -1,0 +1,11 @@
+"""Inverse design: shapes whose parameters climb a reward of where the water goes."""
+
+from surfsup.design.bowl import bowl
+from surfsup.design.funnel import funnel
+from surfsup.design.optimise import optimise
+from surfsup.design.parameter import Parameter
+from surfsup.design.reward import Outcome, landing_near, near
+from surfsup.design.run import DesignRun
+from surfsup.design.task import Task
+
+__all__ = ["DesignRun", "Outcome", "Parameter", "Task", "bowl", "funnel", "landing_near", "near", "optimise"]

@@ -1,0 +1,64 @@
+"""What a user asked to be designed, as tasks, each with its folder."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from surfsup.design.task import Task
+from surfsup.design.tasks import VESSELS
+from surfsup.errors import InputError
+
+
+def asked_tasks(
+    name: str,
+    out: Path,
+    starts: list[str] | None,
+    frames: int | None,
+    deepsdf: Path | None = None,
+    shape: str | None = None,
+) -> list[tuple[Path, Task]]:
+    """One task a start; with several each has a folder of its own in ``out``.
+
+    Args:
+        name: ``bowl``, ``funnel`` or ``latent``.
+        out: the output folder.
+        starts: each "R1,R2" in metres; the paper's where there are none.
+        frames: of a rollout; the paper's where it is None.
+        deepsdf: of latent, the network's file.
+        shape: of latent, the shape to start with.
+
+    Raises:
+        InputError: there is no such task, a start is not two numbers, or what latent needs is missing.
+    """
+    horizon = {} if frames is None else {"frames": frames}
+    if name == "latent":
+        from surfsup.design.latent import latent
+
+        if starts:
+            raise InputError("--start is of bowl and funnel; a latent design starts with --shape")
+        if deepsdf is None:
+            raise InputError("a latent design needs the network of a set of shapes: give --deepsdf FILE")
+        return [(out, latent(deepsdf, shape, **horizon))]
+    if name not in VESSELS:
+        raise InputError(f"there is no design '{name}'; there are {', '.join(VESSELS)} and latent")
+    if deepsdf is not None or shape is not None:
+        raise InputError(f"--deepsdf and --shape are of latent; '{name}' has none")
+    if not starts:
+        return [(out, VESSELS[name](**horizon))]
+    tasks = [VESSELS[name](*radii(text), **horizon) for text in starts]
+    if len(tasks) == 1:
+        return [(out, tasks[0])]
+    return [(out / f"start-{number}", task) for number, task in enumerate(tasks, start=1)]
+
+
+def radii(text: str) -> tuple[float, float]:
+    """The two radii that an option gives as "R1,R2".
+
+    Raises:
+        InputError: they are not two numbers.
+    """
+    try:
+        first, second = (float(part) for part in text.split(","))
+    except ValueError:
+        raise InputError(f"--start {text}: give two radii in metres, such as --start 0.07,0.05") from None
+    return first, second

@@ -1,0 +1,91 @@
+"""Reward and parameters over the iterations, as figures 7 and 8 of the SURFSUP supplement show them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from surfsup.design.run import DesignRun
+from surfsup.errors import InputError
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+COLOURS = ("tab:blue", "tab:orange", "tab:green", "tab:red", "tab:purple", "tab:brown")
+STYLES = ("-", "--", ":", "-.", (0, (5, 1)), (0, (1, 1)))
+MOST_CURVES = len(COLOURS)
+
+
+def require_matplotlib() -> None:
+    """Refuse early where no figure can be drawn.
+
+    Raises:
+        InputError: matplotlib is not installed.
+    """
+    try:
+        import matplotlib  # noqa: F401
+    except ImportError:
+        raise InputError("matplotlib is not installed; install it with: pip install 'surfsup[design]'") from None
+
+
+def draw_runs(runs: Sequence[DesignRun], path: Path) -> Path:
+    """Reward above, parameters below, over the iterations of all runs of one task; returns the PNG's path."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(6.4, 6.0), layout="constrained", dpi=130)
+    above, below = figure.subplots(2, 1, sharex=True)
+    for number, run in enumerate(runs):
+        style = STYLES[number % len(STYLES)]
+        above.plot(run.rewards, color="0.15", linestyle=style)
+        for colour, (name, curve) in zip(COLOURS, curves(run).items(), strict=False):
+            label = name if number == 0 else None
+            below.plot(curve, color=colour, linestyle=style, label=label)
+    above.set_ylabel("reward (mean log density)" if runs[0].task.name in ("bowl", "funnel") else "reward")
+    below.set_ylabel("parameter")
+    below.set_xlabel("iteration")
+    below.legend(frameon=False)
+    tidy(above, below)
+    above.set_title(f"{runs[0].task.name}: {len(runs)} start{'s' if len(runs) > 1 else ''}, model '{runs[0].model}'")
+    figure.savefig(path)
+    return path
+
+
+def draw_rivals(best_so_far: Mapping[str, Sequence[float]], title: str, path: Path) -> Path:
+    """The best reward so far over the simulations, one curve a method; returns the PNG's path."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(6.4, 3.6), layout="constrained", dpi=130)
+    axes = figure.subplots()
+    for colour, (name, curve) in zip(COLOURS, best_so_far.items(), strict=False):
+        axes.plot(np.arange(1, len(curve) + 1), curve, color=colour, label=name)
+    axes.set_xlabel("simulations")
+    axes.set_ylabel("best reward so far")
+    axes.set_title(title)
+    axes.legend(frameon=False)
+    tidy(axes)
+    figure.savefig(path)
+    return path
+
+
+def curves(run: DesignRun) -> dict[str, np.ndarray]:
+    """The parameters over the iterations: each number where they are few, else how far all of one name have moved."""
+    found: dict[str, np.ndarray] = {}
+    for name, start in run.start.items():
+        course = np.stack([design[name].numpy() for design in run.designs]).reshape(len(run.designs), -1)
+        if start.ndim == 0:
+            found[name] = course[:, 0]
+        elif start.numel() <= MOST_CURVES:
+            found |= {f"{name}.{number}": course[:, number] for number in range(start.numel())}
+        else:
+            found[f"distance of {name} from the start"] = np.linalg.norm(course - course[0], axis=1)
+    return found
+
+
+def tidy(*every: Axes) -> None:
+    """No box around a plot, and a quiet grid."""
+    for axes in every:
+        axes.spines[["top", "right"]].set_visible(False)
+        axes.grid(alpha=0.25)

@@ -1,0 +1,76 @@
+"""A design from one call: the task in, the run with its folder out."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+from surfsup.design.run import DesignRun, Progress
+from surfsup.design.task import Task
+from surfsup.errors import InputError
+from surfsup.model import weights
+
+
+def quiet(progress: Progress) -> None:
+    """Tells nothing."""
+
+
+def never() -> bool:
+    """Does not stop."""
+    return False
+
+
+def optimise(
+    task: Task,
+    folder: str | Path,
+    iterations: int = 100,
+    model: str = weights.DEFAULT_MODEL,
+    smoothing: float = 0.0,
+    seed: int = 0,
+    resume: bool = False,
+    stop: Callable[[], bool] = never,
+    tell: Callable[[Progress], None] = quiet,
+) -> DesignRun:
+    """Move the parameters of ``task`` uphill by the gradients of a learned simulator.
+
+    Args:
+        task: what to design.
+        folder: where the run is kept; made if it is not there.
+        iterations: steps uphill.
+        model: a shipped model's name, or a weights file.
+        smoothing: metres by which the water's start is moved aside at random in each iteration.
+        seed: of those moves.
+        resume: go on with the run in the folder; a finished one is only read.
+        stop: asked before each iteration whether to end here.
+        tell: called after each iteration.
+
+    Returns:
+        The run: its rewards and designs, the number of the best.
+
+    Raises:
+        InputError: something of task or folder cannot be used; see :class:`DesignRun`.
+        SimulationError: the simulation blew up.
+    """
+    run = DesignRun(task, made(Path(folder)), weights.load(weights.find(model))[0], model, iterations, smoothing, seed)
+    if resume:
+        run.resume()
+    elif run.files.exist():
+        raise InputError(f"{folder}: holds a design already; go on with --resume (resume=True) or take another folder")
+    run.climb(stop, tell)
+    return run
+
+
+def made(folder: Path) -> Path:
+    """The folder, made where it is not there.
+
+    Raises:
+        InputError: it is a file, or cannot be written.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        probe = folder / ".writable"
+        probe.touch()
+        probe.unlink()
+    except OSError as error:
+        raise InputError(f"{folder}: cannot be used as the output folder ({error.strerror}); give another") from None
+    return folder

@@ -1,0 +1,293 @@
+"""A design run and its folder: what it needs to stop at any moment and go on as if it had not."""
+
+from __future__ import annotations
+
+import csv
+import json
+import os
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from surfsup.design.ascent import Ascent
+from surfsup.design.parameter import Values, starts
+from surfsup.design.reward import Outcome
+from surfsup.design.task import Task, told
+from surfsup.errors import InputError, SimulationError
+from surfsup.model.simulator import Simulator
+from surfsup.training.checkpoint import Checkpoint, CheckpointFiles
+from surfsup.training.run import part_of
+
+SECONDS_A_SAVE = 5.0
+OFTEN = 0.1  # share of iterations with a cut gradient from which a remedy is offered
+
+
+@dataclass(frozen=True)
+class Progress:
+    """Where a run is.
+
+    Attributes:
+        iteration, iterations: done, and how many there will be.
+        reward: of the last design that was looked at.
+        values: the design now, in words.
+        seconds_left: until the last iteration, at the pace so far.
+    """
+
+    iteration: int
+    iterations: int
+    reward: float
+    values: str
+    seconds_left: float
+
+
+class DesignRun:
+    """One design run and its folder.
+
+    Attributes:
+        task: what is designed.
+        simulator, model: that tells where the water goes, and its name.
+        ascent: the design now.
+        rewards: of every design looked at, the start first; after the last iteration that of the last design too.
+        designs: their values, each an array (T, ...) by name, as a list of one dictionary a design.
+        seconds: of computing.
+    """
+
+    def __init__(
+        self,
+        task: Task,
+        folder: Path,
+        simulator: Simulator,
+        model: str,
+        iterations: int = 100,
+        smoothing: float = 0.0,
+        seed: int = 0,
+    ) -> None:
+        """A run that has not begun.
+
+        Args:
+            task: what to design.
+            folder: where it is kept.
+            simulator: the learned simulator.
+            model: its name.
+            iterations: steps uphill.
+            smoothing: metres by which the water's start is moved aside at random in each iteration, which smooths
+                a reward that is rough.
+            seed: of those moves.
+
+        Raises:
+            InputError: a start is outside its range, or the simulator is of a kind without gradients here.
+        """
+        if not isinstance(simulator, Simulator):
+            raise InputError(
+                f"the model '{model}' is of kind '{simulator.kind}'; a design needs one of kind '{Simulator.kind}'"
+            )
+        self.task, self.folder, self.simulator, self.model = task, folder, simulator, model
+        self.smoothing, self.seed = smoothing, seed
+        self.start = starts(task.parameters)
+        self.ascent = Ascent(task.parameters, self.start, iterations)
+        self.rewards: list[float] = []
+        self.designs: list[dict[str, Tensor]] = []
+        self.seconds = 0.0
+        self.files = CheckpointFiles(folder)
+
+    @property
+    def done(self) -> bool:
+        """Whether every iteration was taken and the last design looked at."""
+        return len(self.rewards) > self.ascent.iterations
+
+    @property
+    def best(self) -> int:
+        """The number of the design with the best reward."""
+        return int(np.argmax(self.rewards))
+
+    def climb(self, stop: Callable[[], bool], tell: Callable[[Progress], None]) -> None:
+        """Iterate until all is done or ``stop`` says so; whatever happens, what was found is kept.
+
+        Raises:
+            InputError: the reward is no number or does not depend on the shape, the shape is in the water's way or
+                leaves the container, nothing lands where that is asked for.
+            SimulationError: the simulation blew up.
+        """
+        saved = time.monotonic()
+        try:
+            while not self.done and not stop():
+                began = time.monotonic()
+                self.iterate()
+                self.seconds += time.monotonic() - began
+                left = self.seconds / len(self.rewards) * (self.ascent.iterations + 1 - len(self.rewards))
+                now = told(self.ascent.values)
+                tell(Progress(self.ascent.iteration, self.ascent.iterations, self.rewards[-1], now, left))
+                if time.monotonic() - saved > SECONDS_A_SAVE:
+                    self.save()
+                    saved = time.monotonic()
+        except (InputError, SimulationError) as error:
+            if not self.rewards:
+                raise
+            raise type(error)(
+                f"{error} (iteration {self.ascent.iteration}; the best design so far is kept in {self.folder})"
+            ) from None
+        finally:
+            if self.rewards:
+                self.save()
+
+    def iterate(self) -> None:
+        """Look at the design as it is, and take a step uphill; after the last step only look."""
+        water = self.task.water(self.shift())
+        values = self.ascent.values
+        if self.ascent.iteration == self.ascent.iterations:
+            with torch.no_grad():
+                reward = self.task.score(self.task.simulate(self.simulator, values, water))
+            self.note(reward, values)
+            return
+        reward = self.task.score(self.task.simulate(self.simulator, values, water))
+        gradients = self.gradients(reward)
+        self.note(reward, values)
+        self.ascent.take(gradients)
+
+    def gradients(self, reward: Tensor) -> dict[str, Tensor]:
+        """Of the reward in every value.
+
+        Raises:
+            InputError: at the start it does not depend on any.
+        """
+        values = self.ascent.values
+        found: tuple[Tensor | None, ...] = (None,) * len(values)
+        if reward.requires_grad:
+            found = torch.autograd.grad(reward, list(values.values()), allow_unused=True)
+        gradients = {
+            name: torch.zeros_like(value) if gradient is None else gradient
+            for (name, value), gradient in zip(values.items(), found, strict=True)
+        }
+        if not self.rewards and not any(bool(gradient.any()) for gradient in gradients.values()):
+            raise InputError(
+                f"{self.task.name}: the reward does not depend on {', '.join(values)} at {told(values)}: no water that "
+                "counts meets the shape; move the shape or the water, or give more frames"
+            )
+        return gradients
+
+    def note(self, reward: Tensor, values: Values) -> None:
+        """Keep a design and its reward."""
+        self.designs.append({name: value.detach().clone() for name, value in values.items()})
+        self.rewards.append(float(reward.detach()))
+
+    def shift(self) -> tuple[float, float]:
+        """How far the water's start is moved aside in this iteration, metres."""
+        if not self.smoothing or self.ascent.iteration == self.ascent.iterations:
+            return 0.0, 0.0
+        x, y = np.random.default_rng([self.seed, self.ascent.iteration]).uniform(-self.smoothing, self.smoothing, 2)
+        return float(x), float(y)
+
+    def outcome(self, number: int) -> Outcome:
+        """The water's end in design ``number``, simulated again."""
+        with torch.no_grad():
+            return self.task.simulate(self.simulator, self.designs[number], self.task.water())
+
+    def remedy(self) -> str | None:
+        """What to try where gradients exploded often; None where they did not."""
+        if self.ascent.cut <= OFTEN * len(self.rewards):
+            return None
+        return (
+            f"the gradient exploded and was cut in {self.ascent.cut} of {len(self.rewards)} iterations; fewer --frames "
+            "make it tamer, and so does --smooth 0.005, which moves the water's start a little in every iteration"
+        )
+
+    def config(self) -> str:
+        """What makes it this run and no other, as JSON."""
+        scene = self.task.scene
+        return json.dumps(
+            {
+                "task": self.task.name,
+                "start": {name: value.tolist() for name, value in self.start.items()},
+                "scene": scene.to_yaml(),
+                "frames": scene.frames - 1,
+                "iterations": self.ascent.iterations,
+                "model": self.model,
+                "smoothing": self.smoothing,
+                "seed": self.seed,
+            }
+        )
+
+    def save(self) -> None:
+        """Write all that the run needs to go on, and ``design.json`` and ``history.csv`` for whoever reads.
+
+        Raises:
+            InputError: the disk is full or not writable.
+        """
+        ascent, tensors = self.ascent, {}
+        for part in ("values", "mean", "square"):
+            tensors |= {f"{part}.{name}": value.detach() for name, value in getattr(ascent, part).items()}
+        for name in self.start:
+            tensors[f"designs.{name}"] = torch.stack([design[name] for design in self.designs])
+        tensors["rewards"] = torch.tensor(self.rewards, dtype=torch.float64)
+        tensors["lengths"] = torch.tensor(ascent.lengths, dtype=torch.float64)
+        counters = {"iteration": ascent.iteration, "cut": ascent.cut, "seconds": self.seconds}
+        self.files.save(Checkpoint(tensors, counters, self.config()))
+        self.write_summary()
+
+    def write_summary(self) -> None:
+        """``design.json``: start, best and last design; ``history.csv``: a row for each design looked at."""
+        summary = {
+            **json.loads(self.config()),
+            "iterations_done": self.ascent.iteration,
+            "seconds": round(self.seconds, 1),
+            "gradients_cut": self.ascent.cut,
+            "designs": {
+                label: {
+                    "iteration": number,
+                    "reward": self.rewards[number],
+                    **{name: value.tolist() for name, value in self.designs[number].items()},
+                }
+                for label, number in (("start", 0), ("best", self.best), ("last", len(self.designs) - 1))
+            },
+        }
+        write_whole(self.folder / "design.json", json.dumps(summary, indent=2) + "\n")
+        names = [f"{name}{part}" for name, value in self.start.items() for part in parts_of(value)]
+        partial = self.folder / ".history.csv.partial"
+        with partial.open("w", newline="") as file:
+            rows = csv.writer(file)
+            rows.writerow(["iteration", "reward", *names])
+            for number, (reward, design) in enumerate(zip(self.rewards, self.designs, strict=True)):
+                flat = torch.cat([value.flatten() for value in design.values()])
+                rows.writerow([number, f"{reward:.7g}", *(f"{value:.7g}" for value in flat.tolist())])
+        os.replace(partial, self.folder / "history.csv")
+
+    def resume(self) -> None:
+        """Go on from the checkpoint in the folder.
+
+        Raises:
+            InputError: there is none, it is cut off, or it belongs to another design.
+        """
+        checkpoint = self.files.load()
+        if checkpoint.config != self.config():
+            raise InputError(
+                f"{self.files.last}: belongs to a design with other settings; give the same as before, or a new folder"
+            )
+        try:
+            tensors, counters, ascent = checkpoint.tensors, checkpoint.counters, self.ascent
+            ascent.values = {name: value.requires_grad_() for name, value in part_of(tensors, "values.").items()}
+            ascent.values = {name: ascent.values[name] for name in self.start}
+            ascent.mean, ascent.square = part_of(tensors, "mean."), part_of(tensors, "square.")
+            ascent.iteration, ascent.cut = counters["iteration"], counters["cut"]
+            ascent.lengths, self.rewards = tensors["lengths"].tolist(), tensors["rewards"].tolist()
+            columns = part_of(tensors, "designs.")
+            self.designs = [{name: columns[name][number] for name in self.start} for number in range(len(self.rewards))]
+            self.seconds = counters["seconds"]
+        except (KeyError, IndexError) as error:
+            raise InputError(f"{self.files.last}: is no checkpoint of this version ({error})") from None
+
+
+def parts_of(value: Tensor) -> list[str]:
+    """What comes behind a parameter's name to tell its numbers apart."""
+    return [""] if value.ndim == 0 else [f".{number}" for number in range(value.numel())]
+
+
+def write_whole(path: Path, text: str) -> None:
+    """Write ``text`` to ``path``, which appears under its name only when it is whole."""
+    partial = path.with_name(f".{path.name}.partial")
+    partial.write_text(text, encoding="utf-8")
+    partial.replace(path)

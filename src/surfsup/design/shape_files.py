@@ -1,0 +1,49 @@
+"""A designed surface as files: for a printer, for a viewer, for a scene."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import trimesh
+
+from surfsup.errors import InputError
+from surfsup.sdf import Surface
+
+RESOLUTION = 128  # cells along the longest side
+MILLIMETRES = 1000.0  # a metre; STL knows no units, and printers take millimetres
+# glTF has y up: (x, y, z) -> (x, z, -y).
+Y_UP = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]])
+
+
+def write_shape(surface: Surface, folder: Path, name: str) -> list[Path]:
+    """Write ``name.stl`` in millimetres, z up; ``name.glb`` in metres, y up; ``name.obj`` in metres, z up.
+
+    Raises:
+        InputError: the surface is not closed, so that no printer could fill it, or cannot be seen on the grid.
+    """
+    mesh = closed(surface.to_mesh(RESOLUTION), name)
+    paths = [folder / f"{name}.{kind}" for kind in ("stl", "glb", "obj")]
+    scaled = mesh.copy()
+    scaled.apply_scale(MILLIMETRES)
+    turned = mesh.copy()
+    turned.apply_transform(Y_UP)
+    for path, form in zip(paths, (scaled, turned, mesh), strict=True):
+        partial = path.with_name(f".{path.stem}.partial{path.suffix}")
+        form.export(partial)
+        partial.replace(path)
+    return paths
+
+
+def closed(mesh: trimesh.Trimesh, name: str) -> trimesh.Trimesh:
+    """The mesh without triangles of no area, once it is known to hold a volume.
+
+    Raises:
+        InputError: it does not.
+    """
+    mesh = trimesh.Trimesh(mesh.vertices, mesh.faces, process=True)
+    if not (mesh.is_watertight and mesh.is_winding_consistent and mesh.volume > 0):
+        raise InputError(
+            f"{name}: the surface has a hole at {RESOLUTION} cells, or parts thinner than one; it cannot be printed as it is"
+        )
+    return mesh

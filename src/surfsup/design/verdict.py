@@ -1,0 +1,115 @@
+"""What is said of a finished design: by the solver, and beside searches without gradients."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from itertools import accumulate
+
+from surfsup.design.figure import draw_rivals
+from surfsup.design.proof import Verdict, judged
+from surfsup.design.rivals import by_model, by_solver, evolution, first, for_seconds, random_search
+from surfsup.design.run import DesignRun, write_whole
+
+Tell = Callable[[int, int], None]
+
+
+@dataclass(frozen=True)
+class Proof:
+    """The first and the best design, each in both simulators.
+
+    Attributes:
+        first, best: their rewards.
+    """
+
+    first: Verdict
+    best: Verdict
+
+    @property
+    def holds(self) -> bool:
+        """Whether the true solver, too, likes the best design more than the first."""
+        if self.best.true is None:
+            return False
+        return self.first.true is None or self.best.true > self.first.true
+
+    def text(self) -> str:
+        """A few lines for a terminal."""
+
+        def number(reward: float | None) -> str:
+            return "undefined" if reward is None else f"{reward:.4f}"
+
+        said = (
+            "holds: the solver, too, prefers the best design"
+            if self.holds
+            else "FAILS: the best design fooled the learned simulator; the solver does not prefer it to the first"
+        )
+        return (
+            f"solver        first {number(self.first.true)} (learned {number(self.first.learned)}), "
+            f"best {number(self.best.true)} (learned {number(self.best.learned)})\nverdict       {said}"
+        )
+
+
+def prove(run: DesignRun, tell: Tell) -> Proof:
+    """Run the first and the best design in SPlisHSPlasH; ``proof.json`` and both trajectories stay in the folder.
+
+    Raises:
+        InputError: the solver is not installed.
+        SolverError: it stopped.
+    """
+    verdicts = []
+    for done, (label, number) in enumerate((("first", 0), ("best", run.best)), start=1):
+        verdicts.append(judged(run.task, run.designs[number], run.simulator, run.model, run.folder / label))
+        tell(done, 2)
+    proof = Proof(*verdicts)
+    write_whole(run.folder / "proof.json", json.dumps({**asdict(proof), "holds": proof.holds}, indent=2) + "\n")
+    return proof
+
+
+def compare_rivals(run: DesignRun, with_solver: bool, tell: Tell) -> str:
+    """CMA-ES and random search with as many simulations, CMA-ES on the solver with as much time; returns what came of it.
+
+    ``rivals.json`` and ``rivals.png`` stay in the folder.
+
+    Raises:
+        InputError: the `cma` package is not installed.
+    """
+    count, score = len(run.rewards), by_model(run.task, run.simulator)
+    best_so_far = {"gradient": list(accumulate(run.rewards, max))}
+    seconds = {"gradient": run.seconds}
+    methods = {
+        "CMA-ES": lambda: first(evolution(run.task, score, run.seed), count),
+        "random search": lambda: first(random_search(run.task, score, run.seed), count),
+    }
+    if with_solver:
+        methods["CMA-ES on the solver"] = lambda: for_seconds(
+            evolution(run.task, by_solver(run.task), run.seed), run.seconds
+        )
+    designs = {}
+    for done, (name, search) in enumerate(methods.items(), start=1):
+        began = time.monotonic()
+        found = search()
+        seconds[name] = time.monotonic() - began
+        best_so_far[name] = list(accumulate((reward for _, reward in found), max))
+        values, _ = max(found, key=lambda pair: pair[1])
+        designs[name] = {key: value.tolist() for key, value in values.items()}
+        tell(done, len(methods))
+    target = best_so_far["CMA-ES"][-1]
+    reached = next((number for number, reward in enumerate(best_so_far["gradient"], 1) if reward >= target), None)
+    report = {
+        "best_so_far": best_so_far,
+        "seconds": seconds,
+        "designs": designs,
+        "simulations_to_reach_cma_es": reached,
+        "simulations_of_cma_es_to_its_best": best_so_far["CMA-ES"].index(target) + 1,
+    }
+    write_whole(run.folder / "rivals.json", json.dumps(report, indent=2) + "\n")
+    by_learned = {name: curve for name, curve in best_so_far.items() if name != "CMA-ES on the solver"}
+    draw_rivals(by_learned, f"{run.task.name}: by the learned simulator", run.folder / "rivals.png")
+    lines = [
+        f"{name:<22}{best_so_far[name][-1]:.4f}  {len(best_so_far[name])} simulations, {seconds[name]:.0f} s"
+        for name in best_so_far
+    ]
+    when = "never" if reached is None else f"after {reached} simulations"
+    return "\n".join([*lines, f"the gradient reached what CMA-ES did in {count} simulations {when}"])
