@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from rich.progress import ProgressColumn
 
-    from surfsup.fitting.loop import Progress as FitProgress
     from surfsup.design.run import Progress as DesignProgress
+    from surfsup.fitting.loop import Progress as FitProgress
     from surfsup.training.train import Progress
 
 

@@ -7,5 +7,6 @@ from surfsup.design.parameter import Parameter
 from surfsup.design.reward import Outcome, landing_near, near
 from surfsup.design.run import DesignRun
 from surfsup.design.task import Task
+from surfsup.design.verdict import prove
 
-__all__ = ["DesignRun", "Outcome", "Parameter", "Task", "bowl", "funnel", "landing_near", "near", "optimise"]
+__all__ = ["DesignRun", "Outcome", "Parameter", "Task", "bowl", "funnel", "landing_near", "near", "optimise", "prove"]

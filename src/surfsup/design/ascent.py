@@ -20,8 +20,8 @@ REMEMBERED = 20  # lengths that tell what is usual
 class Ascent:
     """The values of a design and how they climb.
 
-    Adam (Kingma and Ba, 2015) with a step that falls by a cosine over all iterations: it needs no scale of the reward, which
-    nobody knows beforehand. Each parameter counts in units of its own step.
+    Adam (Kingma and Ba, 2015) with a step that falls by a cosine over all iterations: it needs no scale of the reward,
+    which nobody knows beforehand. Each parameter counts in units of its own step.
 
     Attributes:
         values: now, by name; leaves that record gradients.

@@ -1,9 +1,9 @@
 """The bowl of section 7 of the SURFSUP supplement: how wide it opens, and the hole at its bottom.
 
-The paper says the reward, its variance, the frames and the iterations. It does not say where bowl and water are; that is
-ours: the bowl hangs from its mouth 0.5 m above the floor of the standard container, the water starts at rest right above
-it, and the object's height h, around which the water shall gather, is that of the mouth. So water that runs through
-the hole or over the rim falls out of the reward's favour, and a bowl larger than needed lets it sink too deep.
+The paper says the reward, its variance, the frames and the iterations. It does not say where bowl and water are; that
+is ours: the bowl hangs from its mouth 0.5 m above the floor of the standard container, the water starts at rest right
+above it, and the object's height h, around which the water shall gather, is that of the mouth. So water that runs
+through the hole or over the rim falls out of the reward's favour, and a bowl larger than needed lets it sink too deep.
 """
 
 from __future__ import annotations

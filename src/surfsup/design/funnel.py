@@ -1,10 +1,10 @@
 """The funnel of section 7 of the SURFSUP supplement: how wide it opens, and how wide its spout is.
 
 The paper says the reward, its variance, the frames and the iterations. The rest is ours: the reward is the mean over
-those particles that have reached the floor; a particle has when it is two spacings above it; the spout ends 0.15 m above
-the floor; and the block of water, which is three layers thick, starts at 2 m/s, as if it had fallen 0.2 m, for within 75 frames
-from rest hardly any of it would pass a spout. The reward cannot tell funnels apart that catch all of the water, so
-the capture radius ends at one that just does.
+those particles that have reached the floor; a particle has when it is two spacings above it; the spout ends 0.15 m
+above the floor; and the block of water, which is three layers thick, starts at 2 m/s, as if it had fallen 0.2 m, for
+within 75 frames from rest hardly any of it would pass a spout. The reward cannot tell funnels apart that catch all of
+the water, so the capture radius ends at one that just does.
 """
 
 from __future__ import annotations

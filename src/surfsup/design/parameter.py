@@ -11,7 +11,8 @@ from torch import Tensor
 from surfsup.errors import InputError
 
 Values = Mapping[str, Tensor]
-Bound = float | Callable[[Values], Tensor]
+Numbers = float | Sequence[float] | Sequence[Sequence[float]] | Tensor
+Bound = Numbers | Callable[[Values], Tensor]
 
 
 @dataclass(frozen=True)
@@ -20,12 +21,13 @@ class Parameter:
 
     Attributes:
         start: where the design begins.
-        lower, upper: its range; a bound may be told by the values of the parameters listed before it.
+        lower, upper: its range: one number for all, or one for each; a bound may also be told by the values of the
+            parameters listed before it.
         step: about how far the first iterations move it, in its own units; the last ones move it less.
         keeps: a value that it keeps once it has reached it, such as the 0 of a hole that has closed.
     """
 
-    start: float | Sequence[float] | Sequence[Sequence[float]] | Tensor
+    start: Numbers
     lower: Bound
     upper: Bound
     step: float
@@ -43,16 +45,16 @@ def starts(parameters: Mapping[str, Parameter]) -> dict[str, Tensor]:
         value = torch.as_tensor(parameter.start, dtype=torch.float32).clone()
         low, high = bounds(parameter, found)
         if not bool(torch.isfinite(value).all() and (value >= low).all() and (value <= high).all()):
-            given = (
-                f"{float(value):.4g}"
-                if value.ndim == 0
-                else f"from {float(value.min()):.4g} to {float(value.max()):.4g}"
-            )
-            raise InputError(
-                f"the start of {name} is {given}, outside what is possible here: {float(low):.4g} to {float(high):.4g}"
-            )
+            raise InputError(f"the start of {name} is {span(value)}, outside what is possible here: {span(low, high)}")
         found[name] = value
     return found
+
+
+def span(*values: Tensor) -> str:
+    """The numbers as one range in words."""
+    numbers = torch.cat([value.flatten() for value in values])
+    low, high = float(numbers.min()), float(numbers.max())
+    return f"{low:.4g}" if numbers.numel() == 1 else f"{low:.4g} to {high:.4g}"
 
 
 def within(parameters: Mapping[str, Parameter], values: Values) -> dict[str, Tensor]:
@@ -65,7 +67,7 @@ def within(parameters: Mapping[str, Parameter], values: Values) -> dict[str, Ten
 
 
 def bounds(parameter: Parameter, before: Values) -> tuple[Tensor, Tensor]:
-    """The range of a parameter, as tensors of no dimension, where those ``before`` it have these values."""
+    """The range of a parameter where those ``before`` it have these values, as tensors of its shape or of none."""
     low, high = (
         torch.as_tensor(bound(before) if callable(bound) else bound, dtype=torch.float32)
         for bound in (parameter.lower, parameter.upper)

@@ -5,7 +5,6 @@ CMA-ES is Hansen's (`cma` on PyPI), with its own default population. Both search
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Iterator
 from itertools import islice
 
@@ -16,6 +15,7 @@ from torch import Tensor
 from surfsup.design.parameter import Values, bounds, starts, within
 from surfsup.design.proof import true_reward
 from surfsup.design.reward import NothingLanded
+from surfsup.design.run import processor_seconds
 from surfsup.design.task import Task
 from surfsup.errors import InputError, SimulationError
 from surfsup.model.simulator import Simulator
@@ -87,49 +87,38 @@ def first(designs: Iterator[tuple[Values, float]], count: int) -> list[tuple[Val
     return list(islice(designs, count))
 
 
-def for_seconds(designs: Iterator[tuple[Values, float]], seconds: float) -> list[tuple[Values, float]]:
-    """Designs until the time is up, one at least."""
-    end, found = time.monotonic() + seconds, []
-    while not found or time.monotonic() < end:
+def for_work(designs: Iterator[tuple[Values, float]], seconds: float) -> list[tuple[Values, float]]:
+    """Designs until so many seconds of one processor are used up, one design at least."""
+    end, found = processor_seconds() + seconds, []
+    while not found or processor_seconds() < end:
         found.append(next(designs))
     return found
 
 
 class Box:
-    """The ranges of a task's parameters as the unit cube."""
+    """The ranges of a task's parameters as the unit cube; what their bounds do not allow is moved into them."""
 
     def __init__(self, task: Task) -> None:
         self.parameters = task.parameters
         self.start = starts(task.parameters)
         self.size = sum(value.numel() for value in self.start.values())
-        ranges = {name: bounds(parameter, self.start) for name, parameter in task.parameters.items()}
-        # The widest range that a bound of other parameters' telling can give is not known; it is cut to as it is asked.
-        self.low = {name: float(low) for name, (low, _) in ranges.items()}
-        self.high = {name: float(high) for name, (_, high) in self.widest(ranges).items()}
-
-    def widest(self, ranges: dict[str, tuple[Tensor, Tensor]]) -> dict[str, tuple[Tensor, Tensor]]:
-        """The ranges where each parameter is at the top of its own."""
-        top: dict[str, Tensor] = {}
-        for name, parameter in self.parameters.items():
-            low, high = bounds(parameter, top)
-            top[name] = high.expand_as(self.start[name])
-            ranges = {**ranges, name: (low, high)}
-        return ranges
+        self.low: dict[str, Tensor] = {}
+        self.high: dict[str, Tensor] = {}
+        for name, parameter in task.parameters.items():
+            # A bound that other parameters tell is widest where these are largest; so are those of the tasks here.
+            low, high = bounds(parameter, self.high)
+            self.low[name], self.high[name] = low.expand_as(self.start[name]), high.expand_as(self.start[name])
 
     def flat(self, values: Values) -> np.ndarray:
         """Values as a point (D,) of the cube."""
-        parts = [
-            (value.double().flatten().numpy() - self.low[name]) / (self.high[name] - self.low[name])
-            for name, value in values.items()
-        ]
-        return np.clip(np.concatenate(parts), 0, 1)
+        shares = [(value - self.low[name]) / (self.high[name] - self.low[name]) for name, value in values.items()]
+        return torch.cat([share.flatten() for share in shares]).clamp(0, 1).double().numpy()
 
     def values(self, point: np.ndarray) -> dict[str, Tensor]:
         """The values at a point (D,) of the cube, moved into their ranges."""
-        found, first_number = {}, 0
+        numbers = torch.as_tensor(np.asarray(point), dtype=torch.float32)
+        found: dict[str, Tensor] = {}
         for name, value in self.start.items():
-            part = np.asarray(point[first_number : first_number + value.numel()])
-            first_number += value.numel()
-            scaled = self.low[name] + part * (self.high[name] - self.low[name])
-            found[name] = torch.as_tensor(scaled, dtype=torch.float32).reshape(value.shape)
+            own, numbers = numbers[: value.numel()], numbers[value.numel() :]
+            found[name] = self.low[name] + own.reshape(value.shape) * (self.high[name] - self.low[name])
         return within(self.parameters, found)

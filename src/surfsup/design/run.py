@@ -55,6 +55,7 @@ class DesignRun:
         rewards: of every design looked at, the start first; after the last iteration that of the last design too.
         designs: their values, each an array (T, ...) by name, as a list of one dictionary a design.
         seconds: of computing.
+        work: of one processor, in seconds.
     """
 
     def __init__(
@@ -92,7 +93,7 @@ class DesignRun:
         self.ascent = Ascent(task.parameters, self.start, iterations)
         self.rewards: list[float] = []
         self.designs: list[dict[str, Tensor]] = []
-        self.seconds = 0.0
+        self.seconds = self.work = 0.0
         self.files = CheckpointFiles(folder)
 
     @property
@@ -116,9 +117,10 @@ class DesignRun:
         saved = time.monotonic()
         try:
             while not self.done and not stop():
-                began = time.monotonic()
+                began, worked = time.monotonic(), processor_seconds()
                 self.iterate()
                 self.seconds += time.monotonic() - began
+                self.work += processor_seconds() - worked
                 left = self.seconds / len(self.rewards) * (self.ascent.iterations + 1 - len(self.rewards))
                 now = told(self.ascent.values)
                 tell(Progress(self.ascent.iteration, self.ascent.iterations, self.rewards[-1], now, left))
@@ -225,7 +227,7 @@ class DesignRun:
             tensors[f"designs.{name}"] = torch.stack([design[name] for design in self.designs])
         tensors["rewards"] = torch.tensor(self.rewards, dtype=torch.float64)
         tensors["lengths"] = torch.tensor(ascent.lengths, dtype=torch.float64)
-        counters = {"iteration": ascent.iteration, "cut": ascent.cut, "seconds": self.seconds}
+        counters = {"iteration": ascent.iteration, "cut": ascent.cut, "seconds": self.seconds, "work": self.work}
         self.files.save(Checkpoint(tensors, counters, self.config()))
         self.write_summary()
 
@@ -235,6 +237,7 @@ class DesignRun:
             **json.loads(self.config()),
             "iterations_done": self.ascent.iteration,
             "seconds": round(self.seconds, 1),
+            "processor_seconds": round(self.work, 1),
             "gradients_cut": self.ascent.cut,
             "designs": {
                 label: {
@@ -276,9 +279,14 @@ class DesignRun:
             ascent.lengths, self.rewards = tensors["lengths"].tolist(), tensors["rewards"].tolist()
             columns = part_of(tensors, "designs.")
             self.designs = [{name: columns[name][number] for name in self.start} for number in range(len(self.rewards))]
-            self.seconds = counters["seconds"]
+            self.seconds, self.work = counters["seconds"], counters["work"]
         except (KeyError, IndexError) as error:
             raise InputError(f"{self.files.last}: is no checkpoint of this version ({error})") from None
+
+
+def processor_seconds() -> float:
+    """What this process and its children that have ended took of the processors so far."""
+    return sum(os.times()[:4])
 
 
 def parts_of(value: Tensor) -> list[str]:

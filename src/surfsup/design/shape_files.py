@@ -44,6 +44,7 @@ def closed(mesh: trimesh.Trimesh, name: str) -> trimesh.Trimesh:
     mesh = trimesh.Trimesh(mesh.vertices, mesh.faces, process=True)
     if not (mesh.is_watertight and mesh.is_winding_consistent and mesh.volume > 0):
         raise InputError(
-            f"{name}: the surface has a hole at {RESOLUTION} cells, or parts thinner than one; it cannot be printed as it is"
+            f"{name}: the surface has a hole at {RESOLUTION} cells, or parts thinner than one; "
+            "it cannot be printed as it is"
         )
     return mesh
