@@ -64,7 +64,8 @@ def test_far_from_the_surface_the_grids_are_close(torus, exact_torus, margin, me
 def test_far_beyond_the_grids_the_distance_is_an_upper_bound_not_larger_than_by_the_mesh(torus, exact_torus):
     points = torch.tensor([[20.0, 3.0, -5.0], [0.0, 0.0, 1e6], [-4.0, 0.1, 0.0]], dtype=torch.float64)
     over = torus.distance(points) - exact_torus.distance(points)
-    assert (over > -1e-3).all()
+    rounding = 1e-7 * points.norm(dim=1)  # the nearest triangle is looked for in single precision
+    assert (over > -1e-3 - rounding).all()
     assert (over < 0.9).all()
 
 
@@ -139,7 +140,7 @@ def test_a_query_asks_the_mesh_once_and_only_about_points_that_need_it(exact_tor
     surface.build_caches()
     asked = []
     nearest = surface.query.nearest
-    surface.query.nearest = lambda points: asked.append(len(points)) or nearest(points)
+    surface.query.nearest = lambda points, *bounds: asked.append(len(points)) or nearest(points, *bounds)
     points = points_around(TORUS, count=1000, margin=1.0)
     surface.distance_and_normal(points)
     assert len(asked) == 1

@@ -1,4 +1,4 @@
-"""The convolution's step, its parts for training, the search for neighbours and the distances of solids in C++.
+"""The convolution's step, its parts for training, the search for neighbours, distances of solids and meshes, in C++.
 
 It is built with the package where there is a compiler; torch does the same without it.
 """
@@ -11,12 +11,14 @@ if TYPE_CHECKING:
     from surfsup.native._native import (
         Network,
         Solid,
+        Triangles,
         contain,
         convolve,
         convolve_back,
         find_pairs,
         paths,
         push,
+        sample,
         sum_fours,
         sum_fours_back,
     )
@@ -25,17 +27,20 @@ else:
         from surfsup.native._native import (
             Network,
             Solid,
+            Triangles,
             contain,
             convolve,
             convolve_back,
             find_pairs,
             paths,
             push,
+            sample,
             sum_fours,
             sum_fours_back,
         )
     except ImportError:  # the package was installed without a compiler
-        Network = Solid = contain = convolve = convolve_back = find_pairs = push = sum_fours = sum_fours_back = None
+        Network = Solid = Triangles = contain = convolve = convolve_back = find_pairs = push = sample = None
+        sum_fours = sum_fours_back = None
 
         def paths() -> list[str]:
             """No instruction set: nothing is native."""
@@ -45,12 +50,14 @@ else:
 __all__ = [
     "Network",
     "Solid",
+    "Triangles",
     "contain",
     "convolve",
     "convolve_back",
     "find_pairs",
     "paths",
     "push",
+    "sample",
     "sum_fours",
     "sum_fours_back",
 ]

@@ -91,6 +91,50 @@ def sum_fours_back(
 ) -> None:
     """Write the gradient in the values of :func:`sum_fours` from that in its sums."""
 
+def sample(
+    table: np.ndarray,
+    lower: tuple[float, float, float],
+    middle: tuple[float, float, float],
+    cell: float,
+    nodes: tuple[int, int, int],
+    points: np.ndarray,
+    distance: np.ndarray,
+    gradient: np.ndarray,
+    threads: int,
+) -> None:
+    """Write what :meth:`surfsup.sdf.mesh_cache.DistanceCache.sample` tells of ``points`` (N, 3) float64 in the grid.
+
+    Raises:
+        ValueError: sizes do not fit.
+    """
+
+class Triangles:
+    """Triangles in a tree of boxes, copied."""
+
+    def __init__(self, vertices: np.ndarray, faces: np.ndarray) -> None:
+        """Build the tree of vertices (V, 3) float64 and faces (F, 3) int64.
+
+        Raises:
+            IndexError: a face has a corner that there is not, or there is none.
+        """
+
+    def nearest(
+        self,
+        points: np.ndarray,
+        at_most: np.ndarray | None,
+        distance: np.ndarray,
+        face: np.ndarray,
+        closest: np.ndarray,
+        threads: int,
+    ) -> None:
+        """Write distance (N,), face (N,) int64 and nearest place (N, 3) of ``points`` (N, 3), all else float64.
+
+        ``at_most`` (N,) may say how far the nearest triangle can be: the less, the faster.
+
+        Raises:
+            ValueError: sizes do not fit.
+        """
+
 class Solid:
     """A solid whose distance has a closed form; ``parts`` are copied."""
 

@@ -7,6 +7,7 @@
 #include <nanobind/stl/tuple.h>
 #include <nanobind/stl/vector.h>
 
+#include <algorithm>
 #include <limits>
 #include <optional>
 #include <stdexcept>
@@ -16,6 +17,7 @@
 #include "guard.hpp"
 #include "network.hpp"
 #include "solid.hpp"
+#include "triangles.hpp"
 
 namespace nb = nanobind;
 using namespace nb::literals;
@@ -38,6 +40,12 @@ using NewSums = nb::ndarray<float, nb::shape<-1, surfsup::KERNELS, 4>, nb::c_con
 using NewFlags = nb::ndarray<bool, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
 using NewValues = nb::ndarray<float, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
 using Vector = nb::ndarray<const float, nb::shape<3>, nb::c_contig, nb::device::cpu>;
+using Points = nb::ndarray<const double, nb::shape<-1, 3>, nb::c_contig, nb::device::cpu>;
+using NewPoints = nb::ndarray<double, nb::shape<-1, 3>, nb::c_contig, nb::device::cpu>;
+using Lengths = nb::ndarray<const double, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
+using NewLengths = nb::ndarray<double, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
+using Faces = nb::ndarray<const int64_t, nb::shape<-1, 3>, nb::c_contig, nb::device::cpu>;
+using NewIndices = nb::ndarray<int64_t, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
 
 surfsup::Matrix matrix(const Weight& weight) {
     return {weight.data(), static_cast<int64_t>(weight.shape(0)), static_cast<int64_t>(weight.shape(1))};
@@ -201,6 +209,41 @@ nb::ndarray<nb::numpy, int64_t, nb::ndim<1>> push(NewVectors positions, NewVecto
                                   distance.data(), normal.data(), lower.data(), upper.data(), clearance, tolerance));
 }
 
+void make_triangles(surfsup::Triangles* triangles, Points vertices, Faces faces) {
+    new (triangles) surfsup::Triangles(vertices.data(), static_cast<int64_t>(vertices.shape(0)), faces.data(),
+                                       static_cast<int64_t>(faces.shape(0)));
+}
+
+int32_t count_of(const Points& points) {
+    if (points.shape(0) > static_cast<size_t>(std::numeric_limits<int32_t>::max() - 4096))
+        throw std::invalid_argument("there are more points than can be counted");
+    return static_cast<int32_t>(points.shape(0));
+}
+
+void nearest(const surfsup::Triangles& triangles, Points points, std::optional<Lengths> at_most, NewLengths distance,
+             NewIndices face, NewPoints closest, int threads) {
+    const int32_t count = count_of(points);
+    if (at_most) expect(at_most->shape(0), points.shape(0), "at_most");
+    expect(distance.shape(0), points.shape(0), "distance");
+    expect(face.shape(0), points.shape(0), "face");
+    expect(closest.shape(0), points.shape(0), "closest");
+    const nb::gil_scoped_release unlocked;
+    triangles.nearest(points.data(), at_most ? at_most->data() : nullptr, count, distance.data(), face.data(),
+                      closest.data(), threads);
+}
+
+void sample(Fours table, std::array<double, 3> lower, std::array<double, 3> middle, double cell,
+            std::array<int64_t, 3> nodes, Points points, NewLengths distance, NewPoints gradient, int threads) {
+    const int32_t count = count_of(points);
+    expect(distance.shape(0), points.shape(0), "distance");
+    expect(gradient.shape(0), points.shape(0), "gradient");
+    if (std::min({nodes[0], nodes[1], nodes[2]}) < 2 ||
+        static_cast<uint64_t>(nodes[0]) * static_cast<uint64_t>(nodes[1]) * static_cast<uint64_t>(nodes[2]) != table.shape(0))
+        throw std::invalid_argument("the table is not that of a grid of so many nodes");
+    const nb::gil_scoped_release unlocked;
+    surfsup::sample({table.data(), lower, middle, cell, nodes}, points.data(), count, distance.data(), gradient.data(), threads);
+}
+
 nb::tuple find_pairs(Vectors positions, double radius, int64_t most_edges, int threads) {
     if (positions.shape(0) >= static_cast<size_t>(std::numeric_limits<int32_t>::max()) / 4)
         throw std::invalid_argument("there are more particles than the native search can count");
@@ -238,6 +281,12 @@ NB_MODULE(_native, module) {
     module.def("push", push, array("positions"), array("velocities"), array("moved"), array("at"), array("distance"),
                array("normal"), array("lower"), array("upper"), "clearance"_a, "tolerance"_a);
     module.def("find_pairs", find_pairs, array("positions"), "radius"_a, "most_edges"_a, "threads"_a);
+    module.def("sample", sample, array("table"), "lower"_a, "middle"_a, "cell"_a, "nodes"_a, array("points"),
+               array("distance"), array("gradient"), "threads"_a);
+    nb::class_<surfsup::Triangles>(module, "Triangles")
+        .def("__init__", make_triangles, array("vertices"), array("faces"))
+        .def("nearest", nearest, array("points"), array("at_most").none(), array("distance"), array("face"),
+             array("closest"), "threads"_a);
     nb::class_<surfsup::Solid>(module, "Solid")
         .def(nb::init<const std::string&, const std::vector<float>&, const std::vector<const surfsup::Solid*>&>(), "kind"_a,
              "numbers"_a, "parts"_a)

@@ -27,7 +27,7 @@ class MeshSurface(Surface):
 
     What is exact, with a cell of (largest extent) / ``cells``, that is 0.0125 m for a mesh of 0.8 m:
 
-    - within about two cells of the surface distance, closest point and normal are the mesh's own (libigl);
+    - within about two cells of the surface distance, closest point and normal are the mesh's own;
       the sign is right wherever the mesh is closed. Across a hole the border, which the winding number draws,
       may be off by a cell;
     - so they are where the normals of neighbouring nodes disagree (halfway between two parts of the surface),
@@ -114,17 +114,21 @@ class MeshSurface(Surface):
                 distance[unsure], normal[unsure] = self.ask(points[unsure], fine.nearest_node(points[unsure]))
         return distance, normal
 
-    def ask(self, points: np.ndarray, known: tuple[np.ndarray, np.ndarray] | None) -> tuple[np.ndarray, np.ndarray]:
+    def ask(
+        self, points: np.ndarray, known: tuple[np.ndarray, np.ndarray, np.ndarray] | None
+    ) -> tuple[np.ndarray, np.ndarray]:
         """Distance and normal by the mesh itself.
 
-        ``known`` may bring how far a place is (N,) whose side is known, and that side (N,): as long as it is
-        nearer than the surface, no surface lies between, and the point is on the same side.
+        ``known`` may bring how far a place is (N,) whose own distance (N,) and side (N,) are known. The surface is no
+        farther than both together; and as long as the place is nearer than the surface, no surface lies between, and
+        the point is on the same side.
         """
-        distance, face, closest = self.query.nearest(points)
         if known is None:
+            distance, face, closest = self.query.nearest(points)
             inside = self.inside(points)
         else:
-            metres, inside = known
+            metres, beyond, inside = known
+            distance, face, closest = self.query.nearest(points, metres + beyond)
             unknown = np.flatnonzero(metres >= distance)
             if len(unknown):
                 inside[unknown] = self.inside(points[unknown])

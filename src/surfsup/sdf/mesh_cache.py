@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
+import torch
 
+from surfsup import native
 from surfsup.sdf.mesh_query import MeshQuery, unit
 
 
@@ -37,7 +39,7 @@ class DistanceCache:
         self.middle = lower + size / 2
         base = signed - 0.5 * (gradient * (nodes - self.middle)).sum(axis=1)
         self.table = np.column_stack([base, gradient]).astype(np.float32)
-        self.inside = inside
+        self.unsigned, self.inside = distance, inside
         self.cell = cell
         self.lower, self.upper = lower, lower + cell * (shape - 1)
         self.last_cell = shape - 2
@@ -54,6 +56,8 @@ class DistanceCache:
         The gradient is the trilinear mean of the nodes' and deliberately not of unit length: how far it falls
         short says how little the nodes around agree.
         """
+        if native.paths():
+            return self.sample_natively(points)
         place = (points - self.lower) / self.cell
         cell = np.minimum(place.astype(np.int64), self.last_cell)
         along = (place - cell).astype(np.float32)
@@ -63,6 +67,14 @@ class DistanceCache:
         mean = np.matmul(weight, corners)[:, 0].astype(np.float64)
         gradient = mean[:, 1:]
         return mean[:, 0] + 0.5 * ((points - self.middle) * gradient).sum(axis=1), gradient
+
+    def sample_natively(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The same in C++."""
+        points = np.ascontiguousarray(points)
+        distance, gradient = np.empty(len(points)), np.empty_like(points)
+        place = tuple(self.lower), tuple(self.middle), self.cell, tuple(self.last_cell + 2)
+        native.sample(self.table, *place, points, distance, gradient, torch.get_num_threads())
+        return distance, gradient
 
     def reach(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Distance (N,) and unit normal (N, 3) of any points outside the mesh's box, by the grid's border.
@@ -75,8 +87,9 @@ class DistanceCache:
         away = points - border + distance[:, None] * unit(gradient)
         return np.linalg.norm(away, axis=1), unit(away)
 
-    def nearest_node(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Metres (N,) from points in the grid to the nearest node, and whether that node is in the solid."""
+    def nearest_node(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Metres (N,) from points in the grid to the nearest node, that node's from the surface, and its side."""
         place = (points - self.lower) / self.cell
         node = place.round()
-        return np.linalg.norm(place - node, axis=1) * self.cell, self.inside[node.astype(np.int64) @ self.stride]
+        number = node.astype(np.int64) @ self.stride
+        return np.linalg.norm(place - node, axis=1) * self.cell, self.unsigned[number], self.inside[number]

@@ -1,8 +1,11 @@
-"""The exact distance to a triangle mesh, by libigl; every query walks a tree of boxes on the CPU."""
+"""The exact distance to a triangle mesh; every query walks a tree of boxes on the CPU."""
 
 from __future__ import annotations
 
 import numpy as np
+import torch
+
+from surfsup import native
 
 ON_SURFACE = 1e-5  # of the mesh's largest extent: nearer than this, rounding decides where p - closest points
 
@@ -10,8 +13,9 @@ ON_SURFACE = 1e-5  # of the mesh's largest extent: nearer than this, rounding de
 class MeshQuery:
     """Distance, sign and normal of points against triangles; the trees are built once and kept.
 
-    libigl holds Python's interpreter lock while it answers, so that threads do not make it faster.
-    ``igl.signed_distance`` with FAST_WINDING_NUMBER would not do: it returns (1 - 2w) times the distance.
+    The nearest triangle is found in C++ of our own, or by libigl where that is not built: libigl takes no bound on how
+    far it can be, and holds Python's interpreter lock, so that threads do not make it faster. Inside and outside are
+    libigl's. ``igl.signed_distance`` with FAST_WINDING_NUMBER would not do: it returns (1 - 2w) times the distance.
 
     Args:
         vertices: (V, 3) in metres.
@@ -23,8 +27,11 @@ class MeshQuery:
 
         self.vertices = np.ascontiguousarray(vertices, dtype=np.float64)
         self.faces = np.ascontiguousarray(faces, dtype=np.int64)
-        self.tree = igl.AABB()
-        self.tree.init(self.vertices, self.faces)
+        if native.paths():
+            self.triangles = native.Triangles(self.vertices, self.faces)
+        else:
+            self.tree = igl.AABB()
+            self.tree.init(self.vertices, self.faces)
         self.winding = igl.FastWindingNumberBVH()
         self.winding.init(self.vertices, self.faces)
         self.extent = float(np.ptp(self.vertices, axis=0).max())
@@ -40,10 +47,20 @@ class MeshQuery:
         """
         return self.winding.winding_number(points) > 0.5
 
-    def nearest(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Unsigned distance (N,), nearest face (N,) and the nearest point on it (N, 3)."""
-        squared, face, closest = self.tree.squared_distance(self.vertices, self.faces, points)
-        return np.sqrt(squared), face, closest
+    def nearest(
+        self, points: np.ndarray, at_most: np.ndarray | None = None
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Unsigned distance (N,), nearest face (N,) and the nearest point on it (N, 3).
+
+        ``at_most`` (N,) may say how far, in metres, the surface can be from each point; that makes it faster.
+        """
+        if not native.paths():
+            squared, face, closest = self.tree.squared_distance(self.vertices, self.faces, points)
+            return np.sqrt(squared), face, closest
+        points = np.ascontiguousarray(points, dtype=np.float64)
+        distance, face, closest = np.empty(len(points)), np.empty(len(points), np.int64), np.empty_like(points)
+        self.triangles.nearest(points, at_most, distance, face, closest, torch.get_num_threads())
+        return distance, face, closest
 
     def normal(
         self,
