@@ -106,17 +106,18 @@ def rows_of_ply(path: Path) -> np.ndarray:
     from trimesh.exchange.ply import load_ply
 
     try:
-        raw = load_ply(io.BytesIO(path.read_bytes()), skip_materials=True)["metadata"]["_ply_raw"]["vertex"]["data"]
+        vertices = load_ply(io.BytesIO(path.read_bytes()), skip_materials=True)["metadata"]["_ply_raw"]["vertex"]
+        if vertices["length"] == 0:
+            return np.empty((0, 6))
+        raw = vertices["data"]
         columns = {name: np.asarray(raw[name], dtype=np.float64).reshape(-1) for name in raw_names(raw)}
         places = np.stack([columns[name] for name in "xyz"], axis=1)
     except Exception as error:
         # The reader fails on damaged files in every way there is.
         reason = " ".join(str(error).split())[:120] or type(error).__name__
         raise InputError(f"{path}: is damaged or is no PLY file ({reason}); export it again") from None
-    if len(places) and not set(NORMAL_NAMES) <= set(columns):
+    if not set(NORMAL_NAMES) <= set(columns):
         raise InputError(f"{path}: its points have no normals (no nx, ny, nz); {MEND}")
-    if not len(places):
-        return np.empty((0, 6))
     return np.concatenate([places, np.stack([columns[name] for name in NORMAL_NAMES], axis=1)], axis=1)
 
 

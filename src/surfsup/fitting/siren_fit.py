@@ -10,7 +10,7 @@ import torch
 from pydantic import Field
 from torch import Tensor, nn
 
-from surfsup.fitting.exact import ExactMesh, Known, cube_of, into_cube, joined_of
+from surfsup.fitting.exact import Exact, Known, cube_of, into_cube, joined_of
 from surfsup.fitting.fit import Fit, FitConfig
 from surfsup.fitting.point_cloud import PointCloud
 from surfsup.sdf.siren import Cube, SirenSizes
@@ -97,8 +97,8 @@ class SirenTarget:
     held_out: Places
 
     @classmethod
-    def of_mesh(cls, shape: ExactMesh, seed: int) -> SirenTarget:
-        """Points of a mesh, drawn by ``seed``."""
+    def of_solid(cls, shape: Exact, seed: int) -> SirenTarget:
+        """Points of a solid whose distance is known, drawn by ``seed``."""
         random = np.random.default_rng(seed)
         surface = Places.of(shape.on_surface(ON_SURFACE, random))
         near, far = shape.around(AROUND, SPREADS, random), shape.in_cube(FAR, REACH, random)

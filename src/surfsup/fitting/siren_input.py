@@ -13,7 +13,7 @@ from surfsup.datasets.sculptures.coral import coral
 from surfsup.datasets.sculptures.lion import lion
 from surfsup.datasets.sculptures.room import room
 from surfsup.errors import InputError
-from surfsup.fitting.exact import ExactMesh
+from surfsup.fitting.exact import Exact, ExactMesh
 from surfsup.fitting.point_cloud import CLOUD_ENDINGS, is_cloud, load_cloud
 from surfsup.fitting.siren_fit import SirenTarget
 from surfsup.scene import Scene
@@ -27,7 +27,7 @@ SCENES = (".yaml", ".yml")
 SCENE_RESOLUTION = 256  # cells of the triangles of a solid that has none of its own
 
 
-def read_input(path: Path, up: str | None, seed: int) -> tuple[SirenTarget, ExactMesh | None]:
+def read_input(path: Path, up: str | None, seed: int) -> tuple[SirenTarget, Exact | None]:
     """The points of the input in ``path``, and its exact shape, which a cloud does not have.
 
     Args:
@@ -43,7 +43,7 @@ def read_input(path: Path, up: str | None, seed: int) -> tuple[SirenTarget, Exac
     ending = path.suffix.lower()
     if path.name in OWN and not path.exists():
         shape = ExactMesh(OWN[path.name]())
-        return SirenTarget.of_mesh(shape, seed), shape
+        return SirenTarget.of_solid(shape, seed), shape
     if ending[1:] not in FORMATS and ending not in (*CLOUD_ENDINGS, *SCENES):
         known = ", ".join([*(f".{name}" for name in FORMATS), ".xyz", ".yaml"])
         raise InputError(
@@ -52,7 +52,7 @@ def read_input(path: Path, up: str | None, seed: int) -> tuple[SirenTarget, Exac
         )
     if ending in SCENES:
         shape = ExactMesh(solid_of(path))
-        return SirenTarget.of_mesh(shape, seed), shape
+        return SirenTarget.of_solid(shape, seed), shape
     if is_cloud(path):
         cloud = load_cloud(path)
         if up == "y":
@@ -60,7 +60,7 @@ def read_input(path: Path, up: str | None, seed: int) -> tuple[SirenTarget, Exac
             cloud = dataclasses.replace(cloud, **dict(zip(("points", "normals"), turned, strict=True)))
         return SirenTarget.of_cloud(cloud, seed), None
     shape = ExactMesh(load_mesh(path, up=up))
-    return SirenTarget.of_mesh(shape, seed), shape
+    return SirenTarget.of_solid(shape, seed), shape
 
 
 def room_mesh() -> trimesh.Trimesh:

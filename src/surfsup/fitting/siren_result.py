@@ -12,7 +12,7 @@ from scipy.spatial import cKDTree
 
 from surfsup import __version__
 from surfsup.errors import InputError
-from surfsup.fitting.exact import ExactMesh
+from surfsup.fitting.exact import Exact
 from surfsup.fitting.siren_fit import SirenFit
 from surfsup.sdf.lattice import Lattice
 from surfsup.sdf.mesh_query import unit
@@ -53,8 +53,10 @@ class Errors:
         )
 
 
-def surface_of(fit: SirenFit, about: dict[str, Any]) -> tuple[SirenSurface, trimesh.Trimesh]:
-    """The best surface of ``fit`` with its lattice, and its mesh.
+def surface_of(
+    fit: SirenFit, about: dict[str, Any], resolution: int = RESOLUTION
+) -> tuple[SirenSurface, trimesh.Trimesh]:
+    """The best surface of ``fit`` with its lattice, and its mesh of ``resolution`` cells along the cube.
 
     Raises:
         InputError: it has no inside.
@@ -65,7 +67,7 @@ def surface_of(fit: SirenFit, about: dict[str, Any]) -> tuple[SirenSurface, trim
     everywhere = torch.tensor([[-SEARCHED] * 3, [SEARCHED] * 3])
     bare = SirenSurface(network, everywhere)
     try:
-        mesh = polygonise(bare, RESOLUTION)
+        mesh = polygonise(bare, resolution)
     except InputError:
         raise InputError("the fit has no inside yet; go on with --resume and more --time") from None
     vertices, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces)
@@ -81,7 +83,7 @@ def surface_of(fit: SirenFit, about: dict[str, Any]) -> tuple[SirenSurface, trim
     return SirenSurface(network, box, lattice, fit.target.cube, {**about, **made}), mesh
 
 
-def errors_of(surface: SirenSurface, mesh: trimesh.Trimesh, shape: ExactMesh, seed: int) -> Errors:
+def errors_of(surface: SirenSurface, mesh: trimesh.Trimesh, shape: Exact, seed: int) -> Errors:
     """How far ``surface``, whose extracted mesh is ``mesh``, is from the exact ``shape``."""
     random = np.random.default_rng([seed, 1])
     near, on = shape.near(CHECKED, random), shape.on_surface(COMPARED, random)

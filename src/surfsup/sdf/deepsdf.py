@@ -22,6 +22,7 @@ CHUNK = 8192  # points at once
 class DeepSdfSurface(NeuralSurface):
     """The solid of one latent ``code``, in a cube of side 2 around the origin; differentiable in points and code.
 
+    Its layers are linear between kinks, so that the normal counts as constant in the code, as beside a flat face.
     The network knows distances up to 0.1; beyond, its value only says that the surface is farther. Give it a lattice
     (:meth:`with_lattice`) where distances matter there. A lattice belongs to the code that it was made of.
 

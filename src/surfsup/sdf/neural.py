@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 NEAR = 0.1  # of a cube of side 2: nearer than this the network is asked, which was fitted there
 CELL = 0.05  # of the lattice, in the same unit
 MARGIN = 0.25  # that the lattice reaches beyond the solid
-LATTICE_RESOLUTION = 96  # cells along the box of the mesh that the lattice is taken of
+LATTICE_RESOLUTION = 64  # cells along the box of the mesh that the lattice is taken of
 EXACT_RESOLUTION = 160  # cells along the longest side of the mesh that metrics are taken by
 
 

@@ -6,6 +6,7 @@ import json
 from pathlib import Path
 from typing import Any
 
+import torch
 from safetensors import SafetensorError, safe_open
 from safetensors.torch import save_file
 from torch import Tensor
@@ -67,6 +68,8 @@ def read(path: Path, kind: str) -> tuple[dict[str, Any], dict[str, Tensor]]:
         header = json.loads(metadata["surface"])
     except (SafetensorError, OSError, KeyError, ValueError) as error:
         raise InputError(f"{path}: its header or its tensors are damaged ({short(error)})") from None
+    if not all(bool(torch.isfinite(tensor).all()) for tensor in tensors.values()):
+        raise InputError(f"{path}: has numbers that are not finite (NaN or infinity); fit it again")
     if not isinstance(header, dict):
         raise InputError(f"{path}: its header is damaged (it is no mapping)")
     return header, tensors

@@ -25,12 +25,12 @@ SPACING = 0.015  # metres; there is no water to draw
 
 
 def picture_of_solid(mesh: trimesh.Trimesh | None) -> np.ndarray:
-    """A picture (480, 640, 3) uint8 of a solid in the cube of side 2, or of an empty floor."""
+    """A picture (480, 640, 3) uint8 of a solid in the cube of side 2, put on the floor, or of the empty floor."""
     solid = None
     if mesh is not None:
         solid = mesh.copy()
         solid.apply_scale(EXTENT / 2)
-        solid.apply_translation([0.0, 0.0, EXTENT / 2])
+        solid.apply_translation([0.0, 0.0, -solid.bounds[0, 2]])
     renderer = FrameRenderer(solid, ROOM, SPACING, size=SIZE)
     picture = renderer.image(NO_WATER)
     renderer.close()

@@ -1,0 +1,62 @@
+import pytest
+import torch
+
+from surfsup.fitting.deepsdf_fit import DeepSdfConfig, DeepSdfFit, draw_samples, shapes_of
+from surfsup.fitting.exact import Exact, ExactSolid
+from surfsup.fitting.loop import run
+from surfsup.fitting.shape_set import ShapeSet
+from surfsup.fitting.siren_fit import SirenConfig, SirenFit, SirenTarget
+from surfsup.fitting.siren_result import surface_of
+from surfsup.sdf import Box, Sphere
+
+SMALL = {"width": 48, "layers": 2, "frequency": 10.0, "batch": 256, "steps": 250, "warm_up": 20, "judge_every": 50}
+SMALL_MANY = {
+    "width": 48, "layers": 3, "code": 4, "octaves": 1, "shapes": 4, "points": 128, "steps": 400, "judge_every": 100,
+    "learning_rate": 5e-3,
+}  # fmt: skip
+
+
+class Balls(ShapeSet):
+    """A ball and three bricks."""
+
+    def __init__(self) -> None:
+        self.names = ["ball", "cube", "brick", "plank"]
+
+    def exact(self, name: str) -> Exact:
+        solids = {
+            "ball": Sphere(0.3),
+            "cube": Box((0.5, 0.5, 0.5)),
+            "brick": Box((0.6, 0.4, 0.5)),
+            "plank": Box((0.6, 0.3, 0.3)),
+        }
+        return ExactSolid(solids[name])
+
+
+@pytest.fixture(autouse=True)
+def one_thread():
+    before = torch.get_num_threads()
+    torch.set_num_threads(1)
+    yield
+    torch.set_num_threads(before)
+
+
+@pytest.fixture(scope="session")
+def ball_target() -> SirenTarget:
+    return SirenTarget.of_solid(ExactSolid(Sphere(0.25)), seed=0)
+
+
+@pytest.fixture(scope="session")
+def ball_siren(ball_target, tmp_path_factory):
+    """A sphere of radius 0.25, fitted in seconds."""
+    fit = SirenFit(SirenConfig(learning_rate=2e-3, **SMALL), ball_target, tmp_path_factory.mktemp("ball"))
+    run(fit)
+    return surface_of(fit, {"input": "ball"}, resolution=48)[0]
+
+
+@pytest.fixture(scope="session")
+def few_shapes(tmp_path_factory):
+    """Four shapes by one network, fitted in seconds."""
+    samples = draw_samples(Balls(), 0, lambda done, total: None)
+    fit = DeepSdfFit(DeepSdfConfig(**SMALL_MANY), samples, tmp_path_factory.mktemp("few"))
+    run(fit)
+    return shapes_of(fit, {"input": "four"})
