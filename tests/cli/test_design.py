@@ -1,0 +1,64 @@
+import json
+import subprocess
+import sys
+
+import pytest
+
+from surfsup.cli import main
+
+
+def run(monkeypatch, *arguments: str) -> int:
+    monkeypatch.setattr(sys, "argv", ["surfsup", "design", *map(str, arguments)])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    return ended.value.code
+
+
+SHORT = ("--iterations", 1, "--frames", 20, "--no-proof", "--no-video")
+
+
+def test_writes_shape_figure_and_history(monkeypatch, tmp_path, capsys):
+    monkeypatch.setattr("surfsup.design.shape_files.RESOLUTION", 48)
+    assert run(monkeypatch, "bowl", "-o", tmp_path / "bowl", "--start", "0.15,0.02", *SHORT) == 0
+    written = {path.name for path in (tmp_path / "bowl").iterdir()}
+    assert {"best.stl", "best.glb", "best.obj", "history.png", "history.csv", "design.json"} <= written
+    assert "bowl: reward" in capsys.readouterr().out
+    assert json.loads((tmp_path / "bowl" / "design.json").read_text())["designs"]["start"]["r1"] == pytest.approx(0.15)
+
+    assert run(monkeypatch, "bowl", "-o", tmp_path / "bowl", "--start", "0.15,0.02", *SHORT) == 2
+    assert "holds a design already; go on with --resume" in capsys.readouterr().err
+    assert run(monkeypatch, "bowl", "-o", tmp_path / "bowl", "--start", "0.15,0.02", *SHORT, "--resume") == 0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        (("bucket",), "there is no design 'bucket'"),
+        (("bowl", "--start", "0.5,0"), "the start of r1 is 0.5, outside what is possible here"),
+        (("bowl", "--start", "wide"), "give two radii in metres"),
+        (("latent",), "give --deepsdf FILE"),
+        (("latent", "--deepsdf", "none.safetensors"), "none.safetensors"),
+        (("funnel", "--model", "nobody"), "there is no model 'nobody'"),
+        (("funnel", "--frames", "5"), "no particle reached the floor"),
+    ],
+)
+def test_bad_input_is_one_line_and_status_2(monkeypatch, tmp_path, capsys, arguments, told):
+    assert run(monkeypatch, *arguments, "-o", tmp_path / "out", "--no-proof", "--no-video") == 2
+    error = capsys.readouterr().err.strip()
+    assert told in error and len(error.splitlines()) == 1
+
+
+def test_stopped_by_a_signal_it_keeps_what_it_has(tmp_path):
+    import signal
+    import time
+
+    endless = ("--start", "0.15,0.02", "--frames", 12, "--iterations", 10**6, "--no-proof", "--no-video")
+    command = [sys.executable, "-m", "surfsup.cli", "design", "bowl", "-o", tmp_path, *endless]
+    process = subprocess.Popen([*map(str, command)], stderr=subprocess.PIPE, text=True)
+    deadline = time.monotonic() + 120
+    while not (tmp_path / "history.csv").exists() and time.monotonic() < deadline:
+        time.sleep(0.2)
+    process.send_signal(signal.SIGINT)
+    _, told = process.communicate(timeout=60)
+    assert process.returncode == 130 and "what was finished is kept" in told
+    assert (tmp_path / "checkpoint.safetensors").exists()
