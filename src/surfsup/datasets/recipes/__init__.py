@@ -9,10 +9,11 @@ from surfsup.datasets.recipes.mountain import Mountain
 from surfsup.datasets.recipes.prim_shapes import PrimShapes
 from surfsup.datasets.recipes.prim_unions import PrimUnions
 from surfsup.datasets.recipes.recipe import Recipe
+from surfsup.datasets.recipes.tanks import Tanks
 
 RECIPES: dict[str, type[Recipe]] = {
     recipe.name: recipe
-    for recipe in (PrimShapes, PrimUnions, Funnels, Bowls, Chairs, ComplexScenes, Mountain, Assorted)
+    for recipe in (PrimShapes, PrimUnions, Funnels, Bowls, Chairs, ComplexScenes, Mountain, Assorted, Tanks)
 }
 
 __all__ = ["RECIPES", "Recipe"]

@@ -1,0 +1,97 @@
+"""A design's two claims: the time of 100 iterations of the bowl, and the memory of a 75-frame gradient.
+
+    python benchmarks/design.py [--iterations 5] [--particles 3000] [--frames 75] [--threads 2]
+
+Time: iterations of `surfsup design bowl`, the first left out; the goal is 10 minutes for 100. Beside the wall time stands the time of the
+processors, which tells the same on a busy machine. Memory: the most that a process of its own takes for one gradient of the mean
+height of that many particles over a bowl, beyond what it took before; and the same with all frames kept, at fewer of them.
+The goal is 3 GB.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import resource
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+from unittest import mock
+
+import torch
+
+from surfsup.design import DesignRun, bowl
+from surfsup.design.rollout import Water, last_frame
+from surfsup.design.run import processor_seconds
+from surfsup.model import weights
+from surfsup.model.state import Surroundings
+from surfsup.scene import Scene
+from surfsup.sdf import Bowl, Transformed
+
+ALL_KEPT = 10  # frames that are affordable where all of them are kept
+
+
+def main() -> None:
+    """Measure time here, memory in children."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--iterations", type=int, default=5)
+    parser.add_argument("--particles", type=int, default=3000)
+    parser.add_argument("--frames", type=int, default=75)
+    parser.add_argument("--threads", type=int, default=2)
+    parser.add_argument("--child", help=argparse.SUPPRESS)
+    arguments = parser.parse_args()
+    torch.set_num_threads(arguments.threads)
+    if arguments.child:
+        print(json.dumps(memory(arguments.particles, arguments.frames, arguments.child == "all")))
+        return
+    wall, work, particles = iteration_seconds(arguments.iterations)
+    print(f"bowl, {particles} particles, 50 frames, {arguments.threads} threads: {wall:.2f} s an iteration,", end=" ")
+    print(f"{work:.2f} s of a processor; 100 iterations {100 * wall / 60:.1f} minutes, {100 * work / 60:.1f} of a processor")
+    for frames, kept in ((arguments.frames, "stretch"), (4 * arguments.frames, "stretch"), (ALL_KEPT, "all")):
+        sizes = [f"--particles={arguments.particles}", f"--frames={frames}", f"--threads={arguments.threads}"]
+        done = subprocess.run([sys.executable, __file__, f"--child={kept}", *sizes], check=True, stdout=subprocess.PIPE)
+        before, after = json.loads(done.stdout)
+        told = "all frames kept" if kept == "all" else "a stretch kept at a time"
+        print(f"{arguments.particles} particles, {frames} frames, {told}: {after - before:.0f} MB", flush=True)
+
+
+def iteration_seconds(iterations: int) -> tuple[float, float, int]:
+    """Wall and processor seconds of one iteration of the bowl, and how many particles it has."""
+    simulator, _ = weights.load(weights.find(weights.DEFAULT_MODEL))
+    with tempfile.TemporaryDirectory() as folder:
+        run = DesignRun(bowl(), Path(folder), simulator, weights.DEFAULT_MODEL, 100)
+        run.iterate()
+        began, worked = time.monotonic(), processor_seconds()
+        for _ in range(iterations):
+            run.iterate()
+        taken = time.monotonic() - began, processor_seconds() - worked
+    return taken[0] / iterations, taken[1] / iterations, len(run.task.water().positions)
+
+
+def memory(particles: int, frames: int, keep_all: bool) -> tuple[float, float]:
+    """The most memory so far, MB: before the gradient and after it."""
+    simulator, _ = weights.load(weights.find(weights.DEFAULT_MODEL))
+    capture = torch.tensor(0.25, requires_grad=True)
+    scene = Scene.from_yaml("fluid: [{block: {min: [-0.25, -0.25, 0.52], max: [0.25, 0.25, 1.0]}}]", "water")
+    around = Surroundings.of(scene, Transformed(Bowl(capture), translation=(0.0, 0.0, 0.5)))
+    side = round(particles ** (1 / 3) + 0.5)
+    places = torch.cartesian_prod(*[torch.arange(side) * 0.03] * 3)[:particles]
+    places = places - torch.tensor([0.015 * (side - 1), 0.015 * (side - 1), -0.53])
+    water = Water(places, torch.tensor([0.0, 0.0, -2.0]).expand_as(places))
+    before = most()
+    length = frames if keep_all else None
+    with mock.patch("surfsup.design.rollout.math.isqrt", lambda n: length) if length else mock.MagicMock():
+        end = last_frame(simulator, around, water, frames)
+        end.positions[:, 2].mean().backward()
+    return before, most()
+
+
+def most() -> float:
+    """The most memory that this process has held so far, MB."""
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+
+
+if __name__ == "__main__":
+    main()
