@@ -1,4 +1,5 @@
 from dataclasses import replace
+from itertools import pairwise
 
 import pytest
 import torch
@@ -31,9 +32,10 @@ def spread(positions: torch.Tensor) -> torch.Tensor:
 
 
 class TestGradientsEqualCentralDifferences:
-    """In double precision, over frames in which water strikes the solid: the guard, the network and the ballistic advance
-    all take part. The reward has kinks wherever a particle meets its clearance, so the differences are small and the
-    tolerance is what single kinks between them may cost.
+    """In double precision, over frames in which water strikes the solid: guard, network and ballistic motion take part.
+
+    The reward has kinks wherever a particle meets its clearance, so the differences are small, and the tolerance is
+    what a kink between them may cost.
     """
 
     @pytest.fixture
@@ -101,7 +103,7 @@ class TestGradientsEqualCentralDifferences:
         def reward(place):
             ball = Transformed(Sphere(torch.tensor(0.03, dtype=torch.float64)), translation=place)
             end = last_frame(exact, around(ball, torch.float64), falling(positions, 3.0, floor=0.06), 12)
-            assert 0 < end.landed.sum()
+            assert end.landed.sum() > 0
             return end.positions[end.landed][:, 0].mean()
 
         place = torch.tensor([0.01, 0.003, 0.14], dtype=torch.float64, requires_grad=True)
@@ -137,11 +139,11 @@ class TestParticlesThatLeave:
 
     def test_stay_where_they_landed_and_in_their_order(self, small_simulator):
         frames = list(every_frame(small_simulator, around(None), self.water, 20))
-        for before, after in zip(frames, frames[1:], strict=False):
+        for before, after in pairwise(frames):
             assert torch.equal(after.positions[before.landed], before.positions[before.landed])
             assert not bool((before.landed & ~after.landed).any())
         last = frames[-1]
-        assert 0 < last.landed.sum() and torch.allclose(last.positions[last.landed][:, 2], torch.tensor(0.06))
+        assert last.landed.sum() > 0 and torch.allclose(last.positions[last.landed][:, 2], torch.tensor(0.06))
         # No neighbour has pushed far aside what fell freely: particle i is still the one above its own place.
         assert (last.positions - self.water.positions)[:, :2].abs().max() < 0.03
 
