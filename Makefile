@@ -3,10 +3,11 @@
 PYTHON ?=
 export PYTHON
 
-.PHONY: help demo test weights setup clean
+.PHONY: help demo test bench weights setup clean
 help:
 	@echo "make demo    water on a knot: a page and a video in out/demo"
 	@echo "make test    the linter and all tests"
+	@echo "make bench   the default model's speed beside the solver's, its growth, its pool at rest; half an hour, alone"
 	@echo "make weights train the shipped model anew: data by the solver, then two runs; hours"
 	@echo "make setup   only what these two need: .venv and the system libraries"
 	@echo "make clean   remove .venv and what demo and tests left"
@@ -20,6 +21,13 @@ demo: .venv/ready
 test: setup
 	.venv/bin/python -m ruff check .
 	OMP_NUM_THREADS=1 .venv/bin/python -m pytest -n 2
+
+# Ratios mean something only where nothing else computes meanwhile.
+bench: setup
+	.venv/bin/python benchmarks/against_solver.py
+	.venv/bin/python benchmarks/growth.py --long 200 10000
+	.venv/bin/python benchmarks/stability.py
+	.venv/bin/python benchmarks/at_rest.py --solver
 
 # The shipped model: see src/surfsup/weights/first.md. What is done is kept, so it can be started again.
 weights: setup
