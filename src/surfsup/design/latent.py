@@ -17,9 +17,11 @@ from surfsup.design.parameter import Parameter
 from surfsup.design.reward import Outcome, near
 from surfsup.design.task import Task
 from surfsup.errors import InputError
+from surfsup.model.features import REACH
 from surfsup.scene import Block, Fluid, Scene
 from surfsup.sdf import Surface, Transformed
-from surfsup.sdf.deepsdf import load_deepsdf
+from surfsup.sdf.deepsdf import DeepSdfSurface, load_deepsdf
+from surfsup.sdf.neural import NEAR
 
 VARIANCE = 0.6  # m² (supplement, section 7.1)
 FRAMES = 50  # the bowl's
@@ -30,6 +32,7 @@ BOTTOM = 0.88  # metres of the block above the floor
 SPEED = 2.0  # m/s
 PRIOR = 1e-3  # of the mean squared distance from the mean code, in spreads
 STEP = 0.1  # of the spread of the codes
+FELT = 1.5 * REACH / RADIUS  # in the unit of the network: farther off no particle feels the chair
 FARTHEST = 4.0  # spreads that any number of the code may be off the mean
 
 
@@ -50,7 +53,7 @@ def latent(file: Path, shape: str | None = None, frames: int = FRAMES) -> Task:
         surface = shapes.surface(code)
         with torch.no_grad():
             surface.with_lattice()
-        return Transformed(surface, translation=(0.0, 0.0, CENTRE), scale=RADIUS)
+        return Transformed(Moving(surface), translation=(0.0, 0.0, CENTRE), scale=RADIUS)
 
     gathered = near((0.0, 0.0, CENTRE), VARIANCE)
 
@@ -69,3 +72,40 @@ def latent(file: Path, shape: str | None = None, frames: int = FRAMES) -> Task:
         scene=Scene(fluid=[Fluid(block=block)], frames=frames + 1),
         reward=reward,
     )
+
+
+class Moving(Surface):
+    """The solid of a code whose far distances move with the code, too.
+
+    Beyond the network's reach a distance comes from a lattice that knows one code only. But a distance changes as that
+    of the nearest point of the surface does, and there the network is at home: its value at that point, which is about
+    zero, lends the distance its gradient.
+    """
+
+    def __init__(self, surface: DeepSdfSurface) -> None:
+        super().__init__()
+        self.surface = surface
+
+    def distance(self, points: Tensor) -> Tensor:
+        """Signed distance (N,)."""
+        return self.distance_and_normal(points)[0]
+
+    def distance_and_normal(self, points: Tensor) -> tuple[Tensor, Tensor]:
+        """Signed distance (N,) and unit normal (N, 3)."""
+        distance, normal = self.surface.distance_and_normal(points)
+        if not self.is_recording(points):
+            return distance, normal
+        told = distance.detach()
+        far = torch.nonzero((told.abs() >= NEAR) & (told.abs() < FELT)).squeeze(-1)
+        foot = (points - distance[:, None] * normal).detach()[far]
+        value = self.surface.value(foot.float()).to(distance.dtype)
+        return distance.index_add(0, far, value - value.detach()), normal
+
+    @property
+    def exact_outside(self) -> bool:
+        """As far as the network's own is: only nearly."""
+        return self.surface.exact_outside
+
+    def bounds(self) -> Tensor:
+        """The box around the solid (2, 3)."""
+        return self.surface.bounds()
