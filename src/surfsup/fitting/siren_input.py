@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from surfsup.datasets.sculptures.coral import coral
-from surfsup.datasets.sculptures.lion import lion
+from surfsup.datasets.recipes.complex_scenes import SCULPTED
 from surfsup.datasets.sculptures.room import room
 from surfsup.errors import InputError
 from surfsup.fitting.exact import Exact, ExactMesh
@@ -68,7 +67,10 @@ def room_mesh() -> trimesh.Trimesh:
     return room().surface().to_mesh(SCENE_RESOLUTION)
 
 
-OWN: dict[str, Callable[[], trimesh.Trimesh]] = {"coral": coral, "lion": lion, "room": room_mesh}
+OWN: dict[str, Callable[[], trimesh.Trimesh]] = {
+    **{name.removesuffix(".ply"): make for name, make in SCULPTED.items()},
+    "room": room_mesh,
+}
 
 
 def solid_of(path: Path) -> trimesh.Trimesh:
