@@ -9,6 +9,7 @@ help:
 	@echo "make test    the linter and all tests"
 	@echo "make bench   the default model's speed beside the solver's, its growth, its pool at rest; half an hour, alone"
 	@echo "make weights train the shipped model anew: data by the solver, then two runs; hours"
+	@echo "make neural  fit the neural surfaces anew: coral, room, chairs, bowls; an hour, can be started again"
 	@echo "make setup   only what these two need: .venv and the system libraries"
 	@echo "make clean   remove .venv and what demo and tests left"
 
@@ -38,6 +39,18 @@ weights: setup
 	.venv/bin/surfsup train first-finish --start runs/first/best.safetensors --data data/train \
 		--validation data/validation -o runs/first-finish --threads 2 \
 		$(if $(wildcard runs/first-finish/checkpoint.safetensors),--resume)
+
+# Neural surfaces of the project's own shapes: see docs/neural-surfaces.md. What is begun goes on.
+neural: runs/fit/coral.done runs/fit/room.done runs/fit/chairs.done runs/fit/bowls.done
+fit = .venv/bin/surfsup fit $(1) -o runs/fit/$(2).safetensors $(3) \
+	$(if $(wildcard runs/fit/$(2).fit/checkpoint.safetensors),--resume) && touch $@
+
+runs/fit/coral.done runs/fit/room.done: runs/fit/%.done: | setup
+	$(call fit,siren $*,$*,steps=5000)
+runs/fit/chairs.done: | setup
+	$(call fit,deepsdf chairs --shapes 500,chairs,steps=20000)
+runs/fit/bowls.done: | setup
+	$(call fit,deepsdf bowls --shapes 200,bowls,width=96 layers=4 code=8 steps=8000)
 
 setup: .venv/ready
 	@scripts/system-libraries

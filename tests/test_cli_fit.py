@@ -11,7 +11,16 @@ import trimesh
 from surfsup.sdf import load_deepsdf, load_siren
 from tests.test_cli import surfsup
 
-TINY = ("width=24", "layers=2", "batch=64", "frequency=10", "steps=40", "judge_every=20", "learning_rate=0.003")
+TINY = (
+    "width=24",
+    "layers=2",
+    "batch=64",
+    "frequency=10",
+    "steps=40",
+    "judge_every=20",
+    "learning_rate=0.003",
+    "samples=2000",
+)
 
 
 @pytest.fixture
@@ -55,7 +64,7 @@ def test_bowls_become_a_network_of_which_one_is_poured_on(tmp_path):
 
 def test_an_interrupted_fit_keeps_its_checkpoint_and_goes_on(ball, tmp_path):
     out = tmp_path / "ball.safetensors"
-    long = [*TINY[:4], "steps=100000", "judge_every=10"]
+    long = [*SMALL, "steps=100000", "judge_every=10"]
     command = [sys.executable, "-m", "surfsup.cli", "fit", "siren", str(ball), "-o", str(out), *long]
     process = subprocess.Popen(command, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
     assert "step 10:" in process.stderr.readline()

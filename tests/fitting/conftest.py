@@ -42,7 +42,7 @@ def one_thread():
 
 @pytest.fixture(scope="session")
 def ball_target() -> SirenTarget:
-    return SirenTarget.of_solid(ExactSolid(Sphere(0.25)), seed=0)
+    return SirenTarget.of_solid(ExactSolid(Sphere(0.25)), samples=20_000, seed=0)
 
 
 @pytest.fixture(scope="session")

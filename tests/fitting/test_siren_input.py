@@ -7,29 +7,23 @@ from surfsup.fitting.folder import fit_folder
 from surfsup.fitting.siren_input import read_input
 
 
-@pytest.fixture
-def few_points(monkeypatch):
-    for name in ("ON_SURFACE", "AROUND", "FAR", "HELD_OUT"):
-        monkeypatch.setattr(f"surfsup.fitting.siren_fit.{name}", 300)
-
-
-def test_a_mesh_is_stood_up_and_known_exactly(few_points, tmp_path):
+def test_a_mesh_is_stood_up_and_known_exactly(tmp_path):
     path = tmp_path / "brick.obj"
     trimesh.creation.box((4.0, 2.0, 1.0)).export(path)
-    target, exact = read_input(path, "y", 0)
+    target, exact = read_input(path, "y", 1000, 0)
     assert target.cube.scale == 0.5
     assert target.around is not None
     known = exact.known(np.array([[0.0, 0.0, 1.2], [0.0, 0.4, 0.0]]))
     np.testing.assert_allclose(known.distance, [0.7, 0.15], atol=1e-6)
 
 
-def test_the_solid_of_a_scene_is_taken_where_it_stands(few_points, tmp_path):
+def test_the_solid_of_a_scene_is_taken_where_it_stands(tmp_path):
     path = tmp_path / "scene.yaml"
     path.write_text(
         "surface: {sphere: {radius: 0.2}, at: [0.1, 0, 0.3]}\n"
         "fluid: [{block: {min: [-0.2, -0.2, 1.0], max: [0.2, 0.2, 1.2]}}]\n"
     )
-    target, _ = read_input(path, None, 0)
+    target, _ = read_input(path, None, 1000, 0)
     np.testing.assert_allclose(target.cube.centre, (0.1, 0, 0.3), atol=5e-3)
 
 
@@ -38,7 +32,7 @@ def test_a_cloud_can_be_stood_up_too(tmp_path):
     rows = np.concatenate([normals, normals], axis=1)
     path = tmp_path / "cloud.xyz"
     path.write_text("\n".join(" ".join(map(str, row)) for row in rows))
-    target, exact = read_input(path, "y", 0)
+    target, exact = read_input(path, "y", 1000, 0)
     assert exact is None
     spread = target.surface.points.std(dim=0)
     assert spread.argmax() == 2
@@ -54,14 +48,14 @@ def test_a_cloud_can_be_stood_up_too(tmp_path):
 )
 def test_what_is_no_input_is_told_of(tmp_path, name, up, complaint):
     with pytest.raises(InputError, match=complaint):
-        read_input(tmp_path / name, up, 0)
+        read_input(tmp_path / name, up, 1000, 0)
 
 
 def test_an_empty_scene_has_no_solid_to_fit(tmp_path):
     path = tmp_path / "scene.yaml"
     path.write_text("fluid: [{block: {min: [-0.2, -0.2, 1.0], max: [0.2, 0.2, 1.2]}}]\n")
     with pytest.raises(InputError, match="its container is empty"):
-        read_input(path, None, 0)
+        read_input(path, None, 1000, 0)
 
 
 def test_a_fit_is_written_as_safetensors(tmp_path):

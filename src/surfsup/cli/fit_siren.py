@@ -46,7 +46,7 @@ def siren(
     config = config_of(SirenConfig, [*(overrides or []), f"seed={seed}"])
     stop = Stop(seconds_of(time_limit) if time_limit else float("inf"))
     folder = fit_folder(out, resume)
-    target, shape = read_input(source, up, config.seed)
+    target, shape = read_input(source, up, config.samples, config.seed)
     fitting = SirenFit(config, target, folder)
     if resume:
         fitting.resume()

@@ -18,7 +18,8 @@ from surfsup.sdf.siren import Cube, SirenSizes
 OFF_SURFACE = 100.0  # the published α of exp(-α|F|)
 SPREADS = (0.01, 0.03, 0.08)  # of the cube: noise of the points about the surface
 REACH = 1.1  # of the cube [-1, 1]³: where points off the surface lie
-ON_SURFACE, AROUND, FAR, HELD_OUT = 200_000, 120_000, 30_000, 8_000  # points that are drawn once
+AROUND, FAR = 0.6, 0.15  # points about the surface and elsewhere in the cube, for each on it
+HELD_OUT = 8_000  # points near the surface by which a fit is judged
 HELD_OUT_SHARE = 0.05  # of a cloud's points
 
 
@@ -27,6 +28,7 @@ class SirenConfig(FitConfig):
 
     Attributes:
         width, layers, frequency: of the network.
+        samples: points on the surface of a mesh that are drawn once, and three quarters as many off it.
         batch: points on the surface in a step; as many about it, half as many elsewhere in the cube.
         surface: weight of |F| on the surface.
         normal: weight of 1 - cos between ∇F and the normal on the surface.
@@ -40,6 +42,7 @@ class SirenConfig(FitConfig):
     width: int = Field(default=128, ge=1, le=1024)
     layers: int = Field(default=3, ge=1, le=16)
     frequency: float = Field(default=30.0, gt=0, allow_inf_nan=False)
+    samples: int = Field(default=200_000, ge=1000)
     batch: int = Field(default=2048, ge=16)
     surface: float = Field(default=3e3, ge=0, allow_inf_nan=False)
     normal: float = Field(default=1e2, ge=0, allow_inf_nan=False)
@@ -97,13 +100,16 @@ class SirenTarget:
     held_out: Places
 
     @classmethod
-    def of_solid(cls, shape: Exact, seed: int) -> SirenTarget:
-        """Points of a solid whose distance is known, drawn by ``seed``."""
+    def of_solid(cls, shape: Exact, samples: int, seed: int) -> SirenTarget:
+        """Points of a solid whose distance is known, ``samples`` of them on its surface, drawn by ``seed``."""
         random = np.random.default_rng(seed)
-        surface = Places.of(shape.on_surface(ON_SURFACE, random))
-        near, far = shape.around(AROUND, SPREADS, random), shape.in_cube(FAR, REACH, random)
+        surface = Places.of(shape.on_surface(samples, random))
+        near, far = (
+            shape.around(int(AROUND * samples), SPREADS, random),
+            shape.in_cube(int(FAR * samples), REACH, random),
+        )
         around = Places.of(joined_of([near, far]))
-        return cls(shape.cube, surface, around, Places.of(shape.near(HELD_OUT, random)))
+        return cls(shape.cube, surface, around, Places.of(shape.near(min(HELD_OUT, samples), random)))
 
     @classmethod
     def of_cloud(cls, cloud: PointCloud, seed: int) -> SirenTarget:

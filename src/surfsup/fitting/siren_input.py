@@ -26,12 +26,13 @@ SCENES = (".yaml", ".yml")
 SCENE_RESOLUTION = 256  # cells of the triangles of a solid that has none of its own
 
 
-def read_input(path: Path, up: str | None, seed: int) -> tuple[SirenTarget, Exact | None]:
+def read_input(path: Path, up: str | None, samples: int, seed: int) -> tuple[SirenTarget, Exact | None]:
     """The points of the input in ``path``, and its exact shape, which a cloud does not have.
 
     Args:
         path: a mesh, a cloud or a scene file, or the name of one of the project's own sculptures.
         up: the input's own upward axis, "y" or "z"; None takes the file format's.
+        samples: points to draw on the surface of a mesh.
         seed: where the choice of points starts.
 
     Raises:
@@ -42,7 +43,7 @@ def read_input(path: Path, up: str | None, seed: int) -> tuple[SirenTarget, Exac
     ending = path.suffix.lower()
     if path.name in OWN and not path.exists():
         shape = ExactMesh(OWN[path.name]())
-        return SirenTarget.of_solid(shape, seed), shape
+        return SirenTarget.of_solid(shape, samples, seed), shape
     if ending[1:] not in FORMATS and ending not in (*CLOUD_ENDINGS, *SCENES):
         known = ", ".join([*(f".{name}" for name in FORMATS), ".xyz", ".yaml"])
         raise InputError(
@@ -51,7 +52,7 @@ def read_input(path: Path, up: str | None, seed: int) -> tuple[SirenTarget, Exac
         )
     if ending in SCENES:
         shape = ExactMesh(solid_of(path))
-        return SirenTarget.of_solid(shape, seed), shape
+        return SirenTarget.of_solid(shape, samples, seed), shape
     if is_cloud(path):
         cloud = load_cloud(path)
         if up == "y":
@@ -59,7 +60,7 @@ def read_input(path: Path, up: str | None, seed: int) -> tuple[SirenTarget, Exac
             cloud = dataclasses.replace(cloud, **dict(zip(("points", "normals"), turned, strict=True)))
         return SirenTarget.of_cloud(cloud, seed), None
     shape = ExactMesh(load_mesh(path, up=up))
-    return SirenTarget.of_solid(shape, seed), shape
+    return SirenTarget.of_solid(shape, samples, seed), shape
 
 
 def room_mesh() -> trimesh.Trimesh:
