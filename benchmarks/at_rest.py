@@ -18,7 +18,7 @@ import numpy as np
 import torch
 
 from surfsup.datasets.density import number_density
-from surfsup.datasets.recipes.water import WALL_GAP
+from surfsup.datasets.recipes.tanks import GAP
 from surfsup.model import weights
 from surfsup.model.simulate import simulate
 from surfsup.reference import solver
@@ -31,8 +31,8 @@ Frames = Iterator[tuple[np.ndarray, np.ndarray]]
 
 def scene_of(side: float, depth: float, frames: int) -> Scene:
     """A container of which the water covers the floor."""
-    half = side / 2 - WALL_GAP
-    block = {"min": [-half, -half, WALL_GAP], "max": [half, half, WALL_GAP + depth]}
+    half = side / 2 - GAP
+    block = {"min": [-half, -half, GAP], "max": [half, half, GAP + depth]}
     told = {"container": {"size": [side, side, 1.0]}, "fluid": [{"block": block}], "frames": frames}
     return Scene.from_yaml(json.dumps(told), "the benchmark's scene", Path())
 

@@ -16,14 +16,14 @@ def test_every_scene_is_sound(index):
     assert start.left_out == 0
     assert 200 < len(start.positions) < 6500
     gap = min((start.positions - scene.container.lower).min(), (scene.container.upper - start.positions).min())
-    assert gap > 0.034
+    assert gap > 0.049, "nearer to several walls at once the solver lets the water burst"
 
 
 def test_even_ones_cover_the_floor_and_depths_vary():
     for scene in SCENES[::2]:
         block, sides = scene.fluid[0].block, scene.container.size
-        assert sides[0] - (block.max[0] - block.min[0]) == pytest.approx(0.012)
-        assert sides[1] - (block.max[1] - block.min[1]) == pytest.approx(0.012)
+        assert sides[0] - (block.max[0] - block.min[0]) == pytest.approx(0.04)
+        assert sides[1] - (block.max[1] - block.min[1]) == pytest.approx(0.04)
     depths = [scene.fluid[0].block.max[2] - scene.fluid[0].block.min[2] for scene in SCENES]
     assert min(depths) < 0.3
     assert max(depths) > 0.7
