@@ -67,6 +67,14 @@ class TestShapeFiles:
             assert np.ptp(mesh.vertices, axis=0).max() == pytest.approx(0.28 * metre, rel=0.01)
             assert mesh.bounds[1, up] == pytest.approx(0.02 * metre, rel=0.05)
 
+    def test_hold_no_slivers_whose_corners_a_reader_would_merge(self):
+        box = trimesh.creation.box()
+        vertices = np.vstack([box.vertices, box.vertices[0] + [1e-9, 0.0, 0.0]])
+        first_corner = np.argwhere(box.faces == 0)
+        faces = box.faces.copy()
+        faces[tuple(first_corner[0])] = 8
+        assert closed(trimesh.Trimesh(vertices, faces, process=False), "a box").is_watertight
+
     def test_of_what_is_not_closed_are_refused(self):
         open_mesh = trimesh.creation.box().submesh([range(6)], append=True)
         with pytest.raises(InputError, match="it cannot be printed"):

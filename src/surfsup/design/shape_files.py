@@ -11,6 +11,7 @@ from surfsup.errors import InputError
 from surfsup.sdf import Surface
 
 RESOLUTION = 128  # cells along the longest side
+DIGITS = 5  # of a corner's place in metres
 MILLIMETRES = 1000.0  # a metre; STL knows no units, and printers take millimetres
 # glTF has y up: (x, y, z) -> (x, z, -y).
 Y_UP = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]])
@@ -36,12 +37,18 @@ def write_shape(surface: Surface, folder: Path, name: str) -> list[Path]:
 
 
 def closed(mesh: trimesh.Trimesh, name: str) -> trimesh.Trimesh:
-    """The mesh without triangles of no area, once it is known to hold a volume.
+    """The mesh without slivers, once it is known to hold a volume.
+
+    Corners nearer than a hundredth of a millimetre become one: whoever reads an STL does the same, and would find holes
+    where slivers were.
 
     Raises:
-        InputError: it does not.
+        InputError: it holds none.
     """
-    mesh = trimesh.Trimesh(mesh.vertices, mesh.faces, process=True)
+    mesh = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
+    mesh.merge_vertices(digits_vertex=DIGITS)
+    corners = mesh.faces
+    mesh.update_faces((corners != np.roll(corners, 1, axis=1)).all(axis=1))
     if not (mesh.is_watertight and mesh.is_winding_consistent and mesh.volume > 0):
         raise InputError(
             f"{name}: the surface has a hole at {RESOLUTION} cells, or parts thinner than one; "
