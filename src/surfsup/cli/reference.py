@@ -49,12 +49,14 @@ def reference(
     Example: surfsup reference bunny.obj -o out/bunny-truth
     """
     from surfsup.reference import solver
+    from surfsup.reference.pressed_water import warn_of_pressed_water
     from surfsup.trajectory import Provenance
 
     scene = read_scene(source, frames, None if no_fit else fit, up, turn, at, block_min, block_max, container, shape)
     surface = scene.build_surface()
     start = scene.start(surface)
     solver.require()
+    warn_of_pressed_water(scene, start)
     folder = open_folder(out, source, scene, start, pictures=not no_video)
     with bar("simulating with SPlisHSPlasH") as tell:
         summary = folder.record(
