@@ -15,7 +15,7 @@ from surfsup.datasets.recipes.water import Random
 from surfsup.scene import SPACING, Block, Container, Fluid, Scene
 
 FRAMES = 400
-# Metres from walls and floor to the block. Where water touches several walls at once it takes more than the gap of one:
+# Metres from walls and floor to the block. Where several walls meet it takes more than the gap to one:
 # at 0.006 m the first step gains 0.85 J/kg, at 0.02 m nothing (measured, 0.4 m of water in a container of 0.4 m).
 GAP = 0.02
 SIDE = (0.35, 0.9)  # metres of the container, along x and along y
