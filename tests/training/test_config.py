@@ -103,7 +103,7 @@ def test_a_wrong_override_is_named(override, said):
 
 
 def test_an_unknown_preset_is_answered_with_those_there_are():
-    assert "no training preset or file 'frist' (did you mean 'first'?); presets are first" in complaint("frist")
+    assert "no training preset or file 'frist' (did you mean 'first'?); presets are fast" in complaint("frist")
     assert "file 'xyzzy'; presets are" in complaint("xyzzy")
 
 

@@ -12,6 +12,8 @@ from surfsup.model.state import FRAME_TIME, State, Surroundings
 from surfsup.scene import SPACING
 from surfsup.training.objectives.correction_loss import (
     ENERGY_CELL,
+    FARTHEST,
+    FASTEST,
     RETURN,
     SQUEEZED,
     density_loss,
@@ -37,7 +39,7 @@ def test_the_wanted_correction_leads_to_the_truth_and_costs_nothing():
     seen = seen_by(simulator)
     positions = seen.ahead + 1e-3 * torch.randn(20, 3)
     velocities = seen.state.velocities + torch.randn(20, 3)
-    wanted = wanted_correction(seen, seen.state.positions, positions, velocities)
+    wanted = wanted_correction(seen, (seen.state.positions, seen.state.velocities), (positions, velocities))
     reached = simulator.advance(seen, wanted)
     torch.testing.assert_close(reached[0], positions, atol=1e-6, rtol=0)
     torch.testing.assert_close(reached[1], velocities, atol=1e-5, rtol=0)
@@ -46,19 +48,31 @@ def test_the_wanted_correction_leads_to_the_truth_and_costs_nothing():
 
 def test_in_free_fall_nothing_is_wanted():
     seen = seen_by(Simulator(Architecture(width=4, layers=1)))
-    wanted = wanted_correction(
-        seen, seen.state.positions, seen.ahead, seen.state.velocities + FRAME_TIME * AROUND.gravity
-    )
+    now = seen.state.positions, seen.state.velocities
+    wanted = wanted_correction(seen, now, (seen.ahead, seen.state.velocities + FRAME_TIME * AROUND.gravity))
     assert wanted.velocity.abs().max() < 1e-4
     assert (wanted.position == 0).all()
 
 
 def test_a_state_that_strayed_is_asked_back_by_a_part_only():
     seen = seen_by(Simulator(Architecture(width=4, layers=1)))
-    strayed = 1e-3 * torch.randn(20, 3)
-    truth = seen.ahead - strayed
-    wanted = wanted_correction(seen, seen.state.positions - strayed, truth, seen.state.velocities)
+    strayed, off = 3e-4 * torch.randn(20, 3), 0.05 * torch.randn(20, 3)
+    before = seen.state.positions - strayed, seen.state.velocities - off
+    after = seen.ahead - strayed, before[1] + FRAME_TIME * AROUND.gravity
+    wanted = wanted_correction(seen, before, after)
     torch.testing.assert_close(wanted.position * DISPLACEMENT_SCALE, -RETURN * strayed, atol=1e-6, rtol=0)
+    torch.testing.assert_close(wanted.velocity * DISPLACEMENT_SCALE / FRAME_TIME, -off, atol=1e-5, rtol=0)
+
+
+def test_a_state_that_strayed_far_is_asked_no_more_than_one_that_strayed_a_little():
+    seen = seen_by(Simulator(Architecture(width=4, layers=1)))
+    direction = torch.nn.functional.normalize(torch.randn(20, 3), dim=-1)
+    before = seen.state.positions - 0.05 * direction, seen.state.velocities - 4 * direction
+    after = seen.ahead - 0.05 * direction, before[1] + FRAME_TIME * AROUND.gravity
+    wanted = wanted_correction(seen, before, after)
+    asked = wanted.position * DISPLACEMENT_SCALE, wanted.velocity * DISPLACEMENT_SCALE / FRAME_TIME
+    torch.testing.assert_close(asked[0], -RETURN * FARTHEST * direction, atol=1e-6, rtol=0)
+    torch.testing.assert_close(asked[1], -FASTEST * direction, atol=1e-5, rtol=0)
 
 
 def test_a_frame_cannot_look_easier_by_straying_in_the_one_before():

@@ -48,7 +48,7 @@ class CorrectionObjective(Objective):
         for window, random, view, correction in zip(windows, batch.randoms, seen, corrections, strict=True):
             reached.append(model.advance(view, correction))
             true_positions, true_velocities = window.frame(number + 1)
-            wanted = wanted_correction(view, window.frame(number)[0], true_positions, true_velocities)
+            wanted = wanted_correction(view, window.frame(number), (true_positions, true_velocities))
             with torch.no_grad():
                 near = window.around.distance_and_normal(view.ahead)[0] < NEAR_SURFACE
             loss = motion_loss(correction, wanted, near)

@@ -12,30 +12,42 @@ from surfsup.model.simulator import Observation
 from surfsup.model.state import FRAME_TIME
 from surfsup.scene import SPACING
 
+Frame = tuple[Tensor, Tensor]  # positions and velocities
+
 NEAR_SURFACE = 0.09  # metres, the supplement's threshold
 NEAR_WEIGHT = 2.0
 FLOOR = 0.05  # of a frame's mean squared correction: keeps frames at rest from dominating
 RETURN = 0.3  # of the distance strayed from the truth that a frame is asked to make good
+FARTHEST = 1.5e-3  # metres strayed, beyond which no more is asked
+FASTEST = 0.3  # m/s that a velocity is off, likewise
 ENERGY_CELL = 0.12  # metres
 SQUEEZED = 0.03  # of the lattice's density: by as much does moving a particle by some DISPLACEMENT_SCALE change it
 
 
-def wanted_correction(seen: Observation, before: Tensor, positions: Tensor, velocities: Tensor) -> Correction:
+def wanted_correction(seen: Observation, before: Frame, after: Frame) -> Correction:
     """The correction that would lead from ``seen`` to the true velocities and by the true displacement.
 
     Where the state has strayed from the truth its place is asked to return only by a part: how far it strayed is mostly
-    chaos that no state tells, and asking for all of it teaches the model to snap back, which pumps energy in.
+    chaos that no state tells, and asking for all of it teaches the model to snap back, which pumps energy in. And where
+    it has strayed far, in a splash, it is asked no more than if it had strayed a little: there the truth of a particle
+    says nothing of the one that stands in its place, and would drown what can be learned.
 
     Args:
         seen: what the network saw.
-        before: (N, 3) true positions of the frame that was seen, metres.
-        positions: (N, 3) true positions one frame later.
-        velocities: (N, 3) true velocities one frame later, m/s.
+        before: true positions (N, 3) in metres and velocities (N, 3) in m/s of the frame that was seen.
+        after: the same one frame later.
     """
+    strayed = (seen.state.positions - before[0]).detach()
+    off = (seen.state.velocities - before[1]).detach()
+    goal = after[0] + strayed - RETURN * at_most(strayed, FARTHEST)
+    velocities = after[1] + off - at_most(off, FASTEST)
     gained = velocities - seen.state.velocities - FRAME_TIME * seen.gravity
-    strayed = (seen.state.positions - before).detach()
-    goal = positions + (1 - RETURN) * strayed
     return Correction(gained * FRAME_TIME / DISPLACEMENT_SCALE, (goal - seen.ahead) / DISPLACEMENT_SCALE)
+
+
+def at_most(vectors: Tensor, length: float) -> Tensor:
+    """``vectors`` (N, 3), longer ones shortened to ``length``."""
+    return vectors * (length / torch.linalg.vector_norm(vectors, dim=-1, keepdim=True).clamp(min=length))
 
 
 def motion_loss(predicted: Correction, wanted: Correction, near: Tensor) -> Tensor:
