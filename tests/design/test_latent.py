@@ -3,7 +3,7 @@ from pathlib import Path
 import pytest
 import torch
 
-from surfsup.design.latent import latent
+from surfsup.design.paper.latent import latent
 from surfsup.design.task import Task
 from surfsup.errors import InputError
 from surfsup.sdf.code_network import CodeNetwork, CodeSizes
@@ -34,7 +34,7 @@ def balls(tmp_path_factory) -> Path:
 @pytest.fixture
 def task(balls, monkeypatch) -> Task:
     monkeypatch.setattr("surfsup.sdf.neural.LATTICE_RESOLUTION", 24)
-    monkeypatch.setattr("surfsup.design.latent.WATER", (0.18, 0.09))
+    monkeypatch.setattr("surfsup.design.paper.latent.WATER", (0.18, 0.09))
     return latent(balls, "ball-0.7", frames=22)
 
 

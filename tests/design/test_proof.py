@@ -31,7 +31,7 @@ class TestTheRewards:
         places = torch.tensor([[0.1, 0.0, 0.06], [5.0, 5.0, 1.0]])
         end = Outcome(places, torch.tensor([True, False]), {})
         expected = float(log_density(places[:1, :2], (0.0, 0.0), 0.75))
-        assert float(landing_near((0.0, 0.0), 0.75)(end)) == pytest.approx(expected)
+        assert float(landing_near((0.0, 0.0), 0.75, 0.06)(end)) == pytest.approx(expected)
 
 
 class TestTheSolversFramesAreScoredLikeOurs:

@@ -1,8 +1,8 @@
 """Inverse design: shapes whose parameters climb a reward of where the water goes."""
 
-from surfsup.design.bowl import bowl
-from surfsup.design.funnel import funnel
 from surfsup.design.optimise import optimise
+from surfsup.design.paper.bowl import bowl
+from surfsup.design.paper.funnel import funnel
 from surfsup.design.parameter import Parameter
 from surfsup.design.reward import Outcome, landing_near, near
 from surfsup.design.run import DesignRun

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
+from surfsup.design.paper.bowl import bowl
+from surfsup.design.paper.funnel import funnel
 from surfsup.design.task import Task
-from surfsup.design.tasks import VESSELS
 from surfsup.errors import InputError
+
+VESSELS: dict[str, Callable[..., Task]] = {"bowl": bowl, "funnel": funnel}
 
 
 def asked_tasks(
@@ -32,7 +36,7 @@ def asked_tasks(
     """
     horizon = {} if frames is None else {"frames": frames}
     if name == "latent":
-        from surfsup.design.latent import latent
+        from surfsup.design.paper.latent import latent
 
         if starts:
             raise InputError("--start is of bowl and funnel; a latent design starts with --shape")

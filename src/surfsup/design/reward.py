@@ -9,6 +9,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
+import torch
 from torch import Tensor
 
 from surfsup.errors import InputError
@@ -29,6 +30,8 @@ class Outcome:
     parameters: Mapping[str, Tensor]
 
 
+FADING = 0.04  # metres above the floor in which a particle's share of the smooth mean falls to a third
+
 Reward = Callable[[Outcome], Tensor]
 
 
@@ -46,12 +49,16 @@ def near(centre: Sequence[float], variance: float) -> Reward:
     return reward
 
 
-def landing_near(centre: Sequence[float], variance: float) -> Reward:
+def landing_near(centre: Sequence[float], variance: float, floor: float) -> Reward:
     """The mean log density of N(``centre``, ``variance``) over the floor where particles landed: the funnel's reward.
+
+    A wider spout lets more particles land in time, but that a particle comes to count is a step, which has no gradient.
+    So the gradient, and only that, is of the mean in which those in the air count too, the less the higher they are.
 
     Args:
         centre: (2,), metres.
         variance: in m², the same in every direction.
+        floor: height in metres at which particles land.
 
     Raises:
         NothingLanded: no particle has, so there is no such mean.
@@ -63,7 +70,10 @@ def landing_near(centre: Sequence[float], variance: float) -> Reward:
                 "no particle reached the floor, so the reward is undefined; give more --frames, or a start whose hole "
                 "lets water through"
             )
-        return log_density(end.positions[end.landed][:, :2], centre, variance).mean()
+        density = log_density(end.positions[:, :2], centre, variance)
+        share = torch.exp(-(end.positions[:, 2] - floor).clamp(min=0) / FADING)
+        smooth = (share * density).sum() / share.sum()
+        return density[end.landed].mean().detach() + smooth - smooth.detach()
 
     return reward
 

@@ -48,7 +48,7 @@ def funnel(capture_radius: float = START[0], filter_radius: float = START[1], fr
             "r2": Parameter(filter_radius, FILTER_RADIUS, widest_spout, STEP),
         },
         scene=Scene(fluid=[Fluid(block=block)], frames=frames + 1),
-        reward=landing_near((0.0, 0.0), VARIANCE),
+        reward=landing_near((0.0, 0.0), VARIANCE, FLOOR),
         floor=FLOOR,
     )
 
