@@ -1,8 +1,8 @@
 """The funnel of section 7 of the SURFSUP supplement: how wide it opens, and how wide its spout is.
 
 The paper says the reward, its variance, the frames and the iterations. The rest is ours: the reward is the mean over
-those particles that have reached the floor; a particle has when it is two spacings above it; the spout ends 0.15 m
-above the floor; and the block of water, which is three layers thick, starts at 2 m/s, as if it had fallen 0.2 m, for
+those particles that have reached the floor; a particle has when it is two spacings above it; the spout ends 0.1 m
+above the floor; and the block of water, which is three layers thick, starts at 1.5 m/s, as if it had fallen 0.11 m, for
 within 75 frames from rest hardly any of it would pass a spout. The reward cannot tell funnels apart that catch all of
 the water, so the capture radius ends at one that just does.
 """
@@ -23,11 +23,11 @@ START = (0.10, 0.09)  # metres, capture and filter radius (supplement, section 7
 CAPTURE_RADIUS = (0.1, 0.25)  # metres
 FILTER_RADIUS = 0.065  # metres; two particles wide, a narrower one clogs
 WIDEST_SPOUT = 0.95  # of the capture radius: what is left of a funnel
-CONE, SPOUT, LIFT = 0.2, 0.03, 0.15  # metres: heights of cone, spout and of the spout's end above the floor
+CONE, SPOUT, LIFT = 0.2, 0.03, 0.1  # metres: heights of cone, spout and of the spout's end above the floor
 HEIGHT = LIFT + WALL / 2 + SPOUT + CONE  # metres of the mouth above the floor
-WATER = (0.36, 0.12)  # metres, side and height of the block: 363 particles
+WATER = (0.33, 0.12)  # metres, side and height of the block: 300 particles
 GAP = 0.03  # metres of air between the plane of the mouth and the block
-SPEED = 2.0  # m/s
+SPEED = 1.5  # m/s
 FLOOR = 2 * SPACING  # metres: who is as low has reached the floor
 STEP = 0.01  # metres
 
