@@ -11,16 +11,8 @@ import trimesh
 from surfsup.sdf import load_deepsdf, load_siren
 from tests.test_cli import surfsup
 
-TINY = (
-    "width=24",
-    "layers=2",
-    "batch=64",
-    "frequency=10",
-    "steps=40",
-    "judge_every=20",
-    "learning_rate=0.003",
-    "samples=2000",
-)
+SMALL = ("width=24", "layers=2", "batch=64", "frequency=10", "samples=2000")
+TINY = (*SMALL, "steps=40", "judge_every=20", "learning_rate=0.003")
 
 
 @pytest.fixture
