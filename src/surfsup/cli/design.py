@@ -25,7 +25,9 @@ def design(
     shape: Annotated[str | None, typer.Option("--shape", help="Of latent: the shape to start with.")] = None,
     iterations: Annotated[int, typer.Option(min=1, help="Steps uphill.")] = 100,
     frames: Annotated[int | None, typer.Option(min=1, help="Frames of a rollout; 50, of the funnel 75.")] = None,
-    smooth: Annotated[float, typer.Option(min=0, help="Metres by which the water's start is moved at random.")] = 0.0,
+    smooth: Annotated[
+        float | None, typer.Option(min=0, help="Metres by which the water's start is moved at random; funnel 0.005.")
+    ] = None,
     model: Model = None,
     seed: Seed = 0,
     resume: Annotated[bool, typer.Option("--resume", help="Go on from where the folder's run stopped.")] = False,

@@ -25,7 +25,7 @@ def optimise(
     folder: str | Path,
     iterations: int = 100,
     model: str = weights.DEFAULT_MODEL,
-    smoothing: float = 0.0,
+    smoothing: float | None = None,
     seed: int = 0,
     resume: bool = False,
     stop: Callable[[], bool] = never,
@@ -38,7 +38,8 @@ def optimise(
         folder: where the run is kept; made if it is not there.
         iterations: steps uphill.
         model: a shipped model's name, or a weights file.
-        smoothing: metres by which the water's start is moved aside at random in each iteration.
+        smoothing: metres by which the water's start is moved aside at random in each iteration; None leaves it to the
+            task.
         seed: of those moves.
         resume: go on with the run in the folder; a finished one is only read.
         stop: asked before each iteration whether to end here.

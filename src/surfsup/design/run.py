@@ -65,7 +65,7 @@ class DesignRun:
         simulator: Simulator,
         model: str,
         iterations: int = 100,
-        smoothing: float = 0.0,
+        smoothing: float | None = None,
         seed: int = 0,
     ) -> None:
         """A run that has not begun.
@@ -76,8 +76,8 @@ class DesignRun:
             simulator: the learned simulator.
             model: its name.
             iterations: steps uphill.
-            smoothing: metres by which the water's start is moved aside at random in each iteration, which smooths
-                a reward that is rough.
+            smoothing: metres by which the water's start is moved aside at random in each iteration; None leaves it to
+                the task.
             seed: of those moves.
 
         Raises:
@@ -88,7 +88,8 @@ class DesignRun:
                 f"the model '{model}' is of kind '{simulator.kind}'; a design needs one of kind '{Simulator.kind}'"
             )
         self.task, self.folder, self.simulator, self.model = task, folder, simulator, model
-        self.smoothing, self.seed = smoothing, seed
+        self.smoothing = task.smoothing if smoothing is None else smoothing
+        self.seed = seed
         self.start = starts(task.parameters)
         self.ascent = Ascent(task.parameters, self.start, iterations)
         self.rewards: list[float] = []

@@ -28,6 +28,8 @@ class Task:
         scene: container, water, gravity and the number of frames, the start among them; its own surface is ignored.
         reward: what is to grow.
         floor: height in metres at which particles leave the simulation; None keeps all.
+        smoothing: metres by which the water's start is moved aside at random in each iteration, unless the run says
+            otherwise: it smooths a reward that is rough.
     """
 
     name: str
@@ -36,6 +38,7 @@ class Task:
     scene: Scene
     reward: Reward
     floor: float | None = None
+    smoothing: float = 0.0
 
     def water(self, shift: tuple[float, float] = (0.0, 0.0)) -> Water:
         """The scene's fluid as it starts, moved by ``shift`` metres along x and y."""
