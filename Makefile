@@ -30,27 +30,18 @@ bench: setup
 	.venv/bin/python benchmarks/stability.py
 	.venv/bin/python benchmarks/at_rest.py --solver
 
-# The shipped model: see src/surfsup/weights/first.md. What is done is kept, so it can be started again.
+# The default model: see src/surfsup/weights/fast.md. What is done is kept, so it can be started again.
 weights: setup
-	.venv/bin/surfsup generate prim-shapes -o data/train -n 70 --seed 1
+	.venv/bin/surfsup generate prim-shapes -o data/train -n 150 --seed 1
+	.venv/bin/surfsup generate assorted -o data/assorted-train -n 112 --seed 11
+	.venv/bin/surfsup generate tanks -o data/tanks-train -n 24 --seed 21
 	.venv/bin/surfsup generate prim-shapes -o data/validation -n 10 --seed 2
-	.venv/bin/surfsup train first --data data/train --validation data/validation -o runs/first --threads 2 \
-		$(if $(wildcard runs/first/checkpoint.safetensors),--resume)
-	.venv/bin/surfsup train first-finish --start runs/first/best.safetensors --data data/train \
-		--validation data/validation -o runs/first-finish --threads 2 \
-		$(if $(wildcard runs/first-finish/checkpoint.safetensors),--resume)
+	.venv/bin/surfsup train fast $(WEIGHTS_DATA) -o runs/fast $(if $(wildcard runs/fast/checkpoint.safetensors),--resume)
+	.venv/bin/surfsup train fast-finish --start runs/fast/best.safetensors $(WEIGHTS_DATA) -o runs/fast-finish \
+		$(if $(wildcard runs/fast-finish/checkpoint.safetensors),--resume)
 
-# Neural surfaces of the project's own shapes: see docs/neural-surfaces.md. What is begun goes on.
-neural: runs/fit/coral.done runs/fit/room.done runs/fit/chairs.done runs/fit/bowls.done
-fit = .venv/bin/surfsup fit $(1) -o runs/fit/$(2).safetensors $(3) \
-	$(if $(wildcard runs/fit/$(2).fit/checkpoint.safetensors),--resume) && touch $@
-
-runs/fit/coral.done runs/fit/room.done: runs/fit/%.done: | setup
-	$(call fit,siren $*,$*,steps=5000)
-runs/fit/chairs.done: | setup
-	$(call fit,deepsdf chairs --shapes 500,chairs,steps=20000)
-runs/fit/bowls.done: | setup
-	$(call fit,deepsdf bowls --shapes 200,bowls,width=96 layers=4 code=8 steps=8000)
+WEIGHTS_DATA = --data data/train --data data/assorted-train --data data/tanks-train --validation data/validation \
+	--threads 2
 
 setup: .venv/ready
 	@scripts/system-libraries

@@ -19,7 +19,7 @@ from surfsup.model.learned_simulator import LearnedSimulator, Sizes
 from surfsup.model.seen import Seen
 
 FORMAT = "surfsup-simulator-2"
-DEFAULT_MODEL = "first"
+DEFAULT_MODEL = "fast"
 FIRST_KIND = "convolution"  # of files from before there was another, which name none
 
 
