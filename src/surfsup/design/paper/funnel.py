@@ -31,8 +31,6 @@ SPEED = 1.5  # m/s
 FLOOR = 2 * SPACING  # metres: who is as low has reached the floor
 STEP = 0.01  # metres
 SMOOTHING = 0.005  # metres; without it the gradient points inwards at the paper's start (measured)
-    0.005  # metres; without it the paper's start stays at the narrowest mouth, where the gradient points inwards
-)
 
 
 def funnel(capture_radius: float = START[0], filter_radius: float = START[1], frames: int = FRAMES) -> Task:
