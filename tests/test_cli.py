@@ -88,7 +88,7 @@ def test_a_picture_of_a_frame_and_the_page_can_be_made_later(scene, tmp_path):
 def test_a_model_is_judged_into_a_report_and_its_rollout_can_be_compared_again(tmp_path):
     truth = write(tmp_path / "falls/00000.h5", *free_fall())
     (tmp_path / "falls/broken.h5").write_text("not HDF5")
-    done = surfsup("evaluate", "first", tmp_path / "falls", "-o", tmp_path / "report", "--no-video")
+    done = surfsup("evaluate", "fast", tmp_path / "falls", "-o", tmp_path / "report", "--no-video")
     assert done.returncode == 0, done.stderr
     assert "no floor (make it with 'surfsup floor" in done.stdout
     assert "1 skipped" in done.stdout
@@ -116,19 +116,19 @@ def test_a_model_is_judged_into_a_report_and_its_rollout_can_be_compared_again(t
         (["train", "nothing", "--data", ".", "--validation", ".", "-o", "run"], "no training preset"),
         (["train", "sursup", "--data", ".", "--validation", ".", "-o", "run"], "did you mean 'surfsup'"),
         (["train", "surfsup", "--data", "OTHER", "--validation", ".", "-o", "run"], "0.015 m, so take other data"),
-        (["evaluate", "first", "OTHER", "-o", "report"], "0.015 m, so take other data"),
+        (["evaluate", "fast", "OTHER", "-o", "report"], "0.015 m, so take other data"),
         (["evaluate", "old.safetensors", "OTHER", "-o", "report"], "not weights of a simulator of this version"),
         (["compare", "OTHER/00000.h5", "OTHER/00000.h5"], "0.015 m, so take other data"),
-        (["evaluate", "first", ".", "--frames", "0"], "greater than or equal to 1"),
-        (["train", "first", "--data", ".", "--validation", ".", "-o", "run", "--time", "soon"], "length of time"),
-        (["train", "first", "width", "--data", ".", "--validation", ".", "-o", "run"], "key=value"),
-        (["train", "first", "widht=8", "--data", ".", "--validation", ".", "-o", "run"], "did you mean 'width'"),
-        (["train", "first", "--data", ".", "--validation", ".", "-o", "run"], "no trajectories"),
-        (["train", "first", "--validation", ".", "-o", "run"], "either --data DIR or --stream RECIPE"),
-        (["train", "first", "--stream", "nothing", "--validation", ".", "-o", "run"], "no recipe 'nothing'"),
+        (["evaluate", "fast", ".", "--frames", "0"], "greater than or equal to 1"),
+        (["train", "fast", "--data", ".", "--validation", ".", "-o", "run", "--time", "soon"], "length of time"),
+        (["train", "fast", "width", "--data", ".", "--validation", ".", "-o", "run"], "key=value"),
+        (["train", "fast", "widht=8", "--data", ".", "--validation", ".", "-o", "run"], "did you mean 'width'"),
+        (["train", "fast", "--data", ".", "--validation", ".", "-o", "run"], "no trajectories"),
+        (["train", "fast", "--validation", ".", "-o", "run"], "either --data DIR or --stream RECIPE"),
+        (["train", "fast", "--stream", "nothing", "--validation", ".", "-o", "run"], "no recipe 'nothing'"),
         (["floor", "."], "no trajectories"),
-        (["evaluate", "first", ".", "-o", "report"], "no trajectories"),
-        (["evaluate", "first", ".", "--near", "nan"], "nan is not a length"),
+        (["evaluate", "fast", ".", "-o", "report"], "no trajectories"),
+        (["evaluate", "fast", ".", "--near", "nan"], "nan is not a length"),
         (["compare", "SCENE", "nothing.h5"], "not a trajectory"),
         (["compare", "nothing.h5", "SCENE"], "there is no such trajectory file"),
         (["view", "SCENE"], "not a trajectory"),
@@ -174,7 +174,7 @@ def test_without_its_guard_a_model_is_judged_into_another_folder_and_unseen_data
     )
     assert done.returncode == 0, done.stderr
     assert "falls: 2 scenes, no floor" in done.stdout
-    assert "'first' without the guard, the first 5 frames" in done.stdout
+    assert "'fast' without the guard, the first 5 frames" in done.stdout
     assert done.stderr.count("warning: falls: the weights were not trained for a solid of kind 'sphere' (2 of 2") == 1
     assert done.stderr.count("warning") == 1
     report = json.loads((tmp_path / "out/report-first-no-guard/report.json").read_text())

@@ -215,7 +215,7 @@ def test_what_is_no_number_harms_only_those_that_see_it(path, broken):
 
 
 def test_a_rollout_of_twenty_frames_stays_with_torch_s():
-    simulator, _ = weights.load(weights.find("first"))
+    simulator, _ = weights.load(weights.find("fast"))
     grid = torch.cartesian_prod(*[torch.arange(8) * 0.03] * 3) + torch.tensor([-0.1, -0.1, 0.64])
     place = around(BALL)
     state = simulator.start(grid, torch.zeros_like(grid) + torch.tensor([0.0, 0.0, -2.0]), place)

@@ -12,16 +12,16 @@ def complaint(name: str, *overrides: str) -> str:
 
 
 def test_the_shipped_preset_is_valid_and_covers_all_steps():
-    config = load_config("first")
+    config = load_config("fast")
     assert config.phases[-1].until == 1
     assert [phase.until for phase in config.phases] == sorted(phase.until for phase in config.phases)
 
 
 def test_overrides_replace_values_of_the_preset():
-    config = load_config("first", ["steps=10", "learning_rate=1e-3", "seed=7", "phases=[{until: 1, noise: 0}]"])
+    config = load_config("fast", ["steps=10", "learning_rate=1e-3", "seed=7", "phases=[{until: 1, noise: 0}]"])
     assert (config.steps, config.learning_rate, config.seed) == (10, 1e-3, 7)
     assert config.phases == [Phase(until=1, noise=0)]
-    assert config.width == load_config("first").width
+    assert config.width == load_config("fast").width
 
 
 def test_a_file_is_as_good_as_a_preset(tmp_path):
@@ -31,7 +31,7 @@ def test_a_file_is_as_good_as_a_preset(tmp_path):
 
 
 def test_a_configuration_survives_the_way_through_json():
-    config = load_config("first")
+    config = load_config("fast")
     assert TrainingConfig.model_validate_json(config.model_dump_json()) == config
 
 
@@ -56,12 +56,12 @@ def test_a_file_can_be_like_a_preset(tmp_path):
     ("preset", "override", "said"),
     [
         ("surfsup", "surface_particles=5", "'surface_particles' is no size of kind 'surfsup'"),
-        ("first", "history=4", "'history' is no size of kind 'convolution'"),
-        ("first", "size=paper", "kind 'convolution' has no sizes by name"),
-        ("first", "precision=bf16", "kind 'convolution' computes in precision 32 only"),
+        ("fast", "history=4", "'history' is no size of kind 'convolution'"),
+        ("fast", "size=paper", "kind 'convolution' has no sizes by name"),
+        ("fast", "precision=bf16", "kind 'convolution' computes in precision 32 only"),
         ("surfsup", "phases=[{until: 1, energy: 1}]", "kind 'surfsup' has no energy term"),
         ("surfsup", "phases=[{until: 1, density: 1}]", "kind 'surfsup' has no density term"),
-        ("first", "messages=33", "messages is 33, but must be 1 to 32, the width"),
+        ("fast", "messages=33", "messages is 33, but must be 1 to 32, the width"),
         ("surfsup", "history=1000", "history is 1000"),
     ],
 )
@@ -99,11 +99,11 @@ def test_precision_can_be_written_as_a_number(precision):
     ],
 )
 def test_a_wrong_override_is_named(override, said):
-    assert said in complaint("first", override)
+    assert said in complaint("fast", override)
 
 
 def test_an_unknown_preset_is_answered_with_those_there_are():
-    assert "no training preset or file 'frist' (did you mean 'first'?); presets are fast" in complaint("frist")
+    assert "no training preset or file 'fats' (did you mean 'fast'?); presets are fast" in complaint("fats")
     assert "file 'xyzzy'; presets are" in complaint("xyzzy")
 
 

@@ -27,7 +27,7 @@ def evaluate(
 ) -> None:
     """Judge a model on held-out trajectories of the reference solver, beside their floor where there is one.
 
-    Example: surfsup evaluate first data/test -o out/report
+    Example: surfsup evaluate fast data/test -o out/report
     """
     from surfsup.evaluation import report
     from surfsup.evaluation.evaluate import evaluate as judge

@@ -30,7 +30,7 @@ def train(
 ) -> None:
     """Train a learned simulator, on a folder of trajectories or on a stream of new ones.
 
-    Example: surfsup train first --data data/train --validation data/validation -o runs/first --time 1h
+    Example: surfsup train fast --data data/train --validation data/validation -o runs/fast --time 1h
     """
     from contextlib import ExitStack
 
