@@ -11,7 +11,7 @@ from surfsup.errors import InputError
 from surfsup.sdf import Surface
 
 RESOLUTION = 128  # cells along the longest side
-DIGITS = 5  # of a corner's place in metres
+DIGITS = (6, 5, 7)  # of a corner's place in metres; a float of an STL in millimetres holds seven
 MILLIMETRES = 1000.0  # a metre; STL knows no units, and printers take millimetres
 # glTF has y up: (x, y, z) -> (x, z, -y).
 Y_UP = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]])
@@ -39,19 +39,20 @@ def write_shape(surface: Surface, folder: Path, name: str) -> list[Path]:
 def closed(mesh: trimesh.Trimesh, name: str) -> trimesh.Trimesh:
     """The mesh without slivers, once it is known to hold a volume.
 
-    Corners nearer than a hundredth of a millimetre become one: whoever reads an STL does the same, and would find holes
-    where slivers were.
+    Corners nearer than about a micrometre become one: whoever reads an STL does the same, and would find holes where
+    slivers were. Where two sheets meet in a crease that may join them, and another distance may not.
 
     Raises:
         InputError: it holds none.
     """
-    mesh = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
-    mesh.merge_vertices(digits_vertex=DIGITS)
-    corners = mesh.faces
-    mesh.update_faces((corners != np.roll(corners, 1, axis=1)).all(axis=1))
-    if not (mesh.is_watertight and mesh.is_winding_consistent and mesh.volume > 0):
-        raise InputError(
-            f"{name}: the surface has a hole at {RESOLUTION} cells, or parts thinner than one; "
-            "it cannot be printed as it is"
-        )
-    return mesh
+    for digits in DIGITS:
+        merged = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
+        merged.merge_vertices(digits_vertex=digits)
+        corners = merged.faces
+        merged.update_faces((corners != np.roll(corners, 1, axis=1)).all(axis=1))
+        if merged.is_watertight and merged.is_winding_consistent and merged.volume > 0:
+            return merged
+    raise InputError(
+        f"{name}: the surface has a hole at {RESOLUTION} cells, or parts thinner than one; "
+        "it cannot be printed as it is"
+    )
