@@ -177,7 +177,7 @@ def test_without_its_guard_a_model_is_judged_into_another_folder_and_unseen_data
     assert "'fast' without the guard, the first 5 frames" in done.stdout
     assert done.stderr.count("warning: falls: the weights were not trained for a solid of kind 'sphere' (2 of 2") == 1
     assert done.stderr.count("warning") == 1
-    report = json.loads((tmp_path / "out/report-first-no-guard/report.json").read_text())
+    report = json.loads((tmp_path / "out/report-fast-no-guard/report.json").read_text())
     assert (report["model"]["guarded"], report["limits"]) == (False, {"scenes": 2, "frames": 5})
     assert [scene["frames"] for scene in report["scenes"]] == [5, 5]
 
