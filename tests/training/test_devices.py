@@ -24,7 +24,7 @@ def test_two_processes_train_as_one_does_with_the_whole_batch(tmp_path, data):
     ended = subprocess.run(
         [*torchrun, *script], cwd=ROOT, env=surroundings, capture_output=True, text=True, timeout=300
     )
-    assert ended.returncode == 0, ended.stderr[-2000:]
+    assert ended.returncode == 0, ended.stderr[-8000:]
     for name, of in (("convolution", config()), ("surfsup", message_passing("surfsup"))):
         alone, losses = Run(of, tmp_path / "alone" / name), []
         train(alone, Windows(data), data, report=lambda now, to=losses: to.append(now.loss))

@@ -7,7 +7,7 @@ from pathlib import Path
 import torch
 
 from surfsup.datasets.windows import Windows
-from surfsup.training.devices import fabric_on
+from surfsup.training.devices import fabric_on, leave_together
 from surfsup.training.train import Run, train
 from tests.training.conftest import config, message_passing
 
@@ -20,3 +20,4 @@ if __name__ == "__main__":
         train(Run(of, out / name, fabric), Windows(data), data, report=lambda now, to=losses: to.append(now.loss))
         if fabric.is_global_zero:
             (out / f"{name}.json").write_text(json.dumps(losses))
+    leave_together(fabric)

@@ -41,7 +41,7 @@ def train(
     from surfsup.model import weights
     from surfsup.model.simulate import choose_device
     from surfsup.training.config import load_config, seconds_of
-    from surfsup.training.devices import fabric_on
+    from surfsup.training.devices import fabric_on, leave_together
     from surfsup.training.stopping import Stop
     from surfsup.training.train import Run
     from surfsup.training.train import train as run_training
@@ -76,6 +76,7 @@ def train(
 
             tell, log = stack.enter_context(training_line()), stack.enter_context(log_of(run, validation))
         run_training(run, windows, validation, stop, tell, log)
+    leave_together(run.fabric)
     if stop.signalled:
         raise typer.Exit(INTERRUPTED)
     if not run.fabric.is_global_zero:

@@ -41,6 +41,18 @@ def fabric_on(device: str = "cpu") -> Fabric:
     return fabric
 
 
+def leave_together(fabric: Fabric) -> None:
+    """End the conversation of torchrun's processes, if there are several, once all of them have come here.
+
+    One that leaves while another is still being told something may abort it at its exit.
+    """
+    from torch import distributed
+
+    if fabric.world_size > 1 and distributed.is_initialized():
+        fabric.barrier()
+        distributed.destroy_process_group()
+
+
 def require_installed() -> None:
     """Make sure that what only training needs is there.
 
