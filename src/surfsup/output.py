@@ -49,6 +49,24 @@ class Summary:
     version: str = __version__
 
 
+def writable_folder(path: Path) -> Path:
+    """The folder, made where it is not there.
+
+    Raises:
+        InputError: it is a file, or cannot be written.
+    """
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+        probe = path / ".writable"
+        probe.touch()
+        probe.unlink()
+    except OSError as error:
+        raise InputError(
+            f"{path}: cannot be used as the output folder ({error.strerror}); give another with -o"
+        ) from None
+    return path
+
+
 class OutputFolder:
     """The folder that a simulation writes into."""
 
@@ -64,15 +82,7 @@ class OutputFolder:
         self.video = path / "video.mp4"
         self.summary = path / "summary.json"
         check_room(path, particles, frames)
-        try:
-            path.mkdir(parents=True, exist_ok=True)
-            probe = path / ".writable"
-            probe.touch()
-            probe.unlink()
-        except OSError as error:
-            raise InputError(
-                f"{path}: cannot be used as the output folder ({error.strerror}); give another with -o"
-            ) from None
+        writable_folder(path)
 
     def record(
         self,

@@ -9,6 +9,7 @@ from surfsup.design.run import DesignRun, Progress
 from surfsup.design.task import Task
 from surfsup.errors import InputError
 from surfsup.model import weights
+from surfsup.output import writable_folder
 
 
 def quiet(progress: Progress) -> None:
@@ -52,26 +53,12 @@ def optimise(
         InputError: something of task or folder cannot be used; see :class:`DesignRun`.
         SimulationError: the simulation blew up.
     """
-    run = DesignRun(task, made(Path(folder)), weights.load(weights.find(model))[0], model, iterations, smoothing, seed)
+    run = DesignRun(
+        task, writable_folder(Path(folder)), weights.load(weights.find(model))[0], model, iterations, smoothing, seed
+    )
     if resume:
         run.resume()
     elif run.files.exist():
         raise InputError(f"{folder}: holds a design already; go on with --resume (resume=True) or take another folder")
     run.climb(stop, tell)
     return run
-
-
-def made(folder: Path) -> Path:
-    """The folder, made where it is not there.
-
-    Raises:
-        InputError: it is a file, or cannot be written.
-    """
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        probe = folder / ".writable"
-        probe.touch()
-        probe.unlink()
-    except OSError as error:
-        raise InputError(f"{folder}: cannot be used as the output folder ({error.strerror}); give another") from None
-    return folder

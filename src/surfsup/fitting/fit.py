@@ -13,9 +13,9 @@ from torch import Tensor, nn
 
 from surfsup.errors import InputError
 from surfsup.scene.complaints import one_line
-from surfsup.scene.text import parse_yaml
 from surfsup.sdf.neural_file import part
 from surfsup.training.checkpoint import Checkpoint, CheckpointFiles
+from surfsup.training.config import values_of
 
 
 class FitConfig(BaseModel):
@@ -178,13 +178,7 @@ def config_of(kind: type[Config], overrides: list[str] | None) -> Config:
     Raises:
         InputError: an unknown key, or a value out of range.
     """
-    data = {}
-    for override in overrides or []:
-        key, equals, value = override.partition("=")
-        if not equals:
-            raise InputError(f"'{override}' is not of the form key=value")
-        data[key] = parse_yaml(value, override)
     try:
-        return kind.model_validate(data)
+        return kind.model_validate(values_of(overrides or []))
     except ValidationError as error:
         raise InputError(f"options of the fit: {one_line(error, kind)}") from None

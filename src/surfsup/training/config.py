@@ -167,16 +167,26 @@ def load_config(name: str, overrides: list[str] | None = None) -> TrainingConfig
     Raises:
         InputError: no such preset or file, an unknown key, or a value out of range.
     """
-    data = mapping_of(name)
-    for override in overrides or []:
-        key, equals, value = override.partition("=")
-        if not equals:
-            raise InputError(f"'{override}' is not of the form key=value")
-        data[key] = parse_yaml(value, override)
+    data = mapping_of(name) | values_of(overrides or [])
     try:
         return TrainingConfig.model_validate(data)
     except ValidationError as error:
         raise InputError(f"{name}: {one_line(error, TrainingConfig)}") from None
+
+
+def values_of(overrides: Iterable[str]) -> dict[str, Any]:
+    """The keys and values of ``key=value`` overrides, each value read as YAML.
+
+    Raises:
+        InputError: one is not of that form.
+    """
+    data = {}
+    for override in overrides:
+        key, equals, value = override.partition("=")
+        if not equals:
+            raise InputError(f"'{override}' is not of the form key=value")
+        data[key] = parse_yaml(value, override)
+    return data
 
 
 def mapping_of(name: str) -> dict[str, Any]:
