@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from surfsup.datasets.recipes.carpentry import chair
+from surfsup.datasets.carpentry import chair
 from surfsup.errors import InputError
 from surfsup.fitting.exact import Exact, ExactMesh, ExactSolid
 from surfsup.sdf import Bowl, load_mesh

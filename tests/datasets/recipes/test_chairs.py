@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 import trimesh
 
+from surfsup.datasets.carpentry import THINNEST, chair
 from surfsup.datasets.recipes import RECIPES
-from surfsup.datasets.recipes.carpentry import THINNEST, chair
 from surfsup.datasets.recipes.mesh_files import UnusableMesh
 from surfsup.errors import InputError
 from surfsup.scene import Shape

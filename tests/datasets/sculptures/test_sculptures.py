@@ -1,5 +1,8 @@
 """The project's own solids: closed, in one piece, fine, and the same every time."""
 
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 import torch
@@ -77,3 +80,8 @@ def test_the_room_is_one_solid_open_above():
     above = torch.tensor([[x, y, HIGH + 0.05] for x in np.linspace(-0.8, 0.8, 9) for y in np.linspace(-0.8, 0.8, 9)])
     assert (surface.distance(above.float()) > 0.04).all()
     assert float(surface.distance(torch.tensor([[0.0, -0.7, FLOOR + 0.1]]))) == pytest.approx(0.1, abs=1e-5)
+
+
+def test_a_sculpture_can_be_imported_before_any_recipe():
+    for module in ("surfsup.datasets.sculptures.room", "surfsup.datasets.carpentry", "surfsup.fitting.shape_set"):
+        subprocess.run([sys.executable, "-c", f"import {module}"], check=True)

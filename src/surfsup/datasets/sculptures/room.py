@@ -5,7 +5,7 @@ It is a doll's house: 1.9 m wide, and nothing in it is thinner than 0.035 m. x p
 
 from __future__ import annotations
 
-from surfsup.datasets.recipes.carpentry import Parts, beam, round_post, square_post
+from surfsup.datasets.carpentry import Parts, beam, round_post, square_post
 from surfsup.scene import Shape
 from surfsup.scene.shapes import ConeShape, SphereShape
 
