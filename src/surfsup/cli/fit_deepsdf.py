@@ -7,9 +7,9 @@ from typing import Annotated
 import typer
 
 from surfsup.cli.fit_options import OutFile, Overrides, Resume, Threads, TimeLimit, UpAxis
+from surfsup.cli.fit_run import carry_out, stop_after
 from surfsup.cli.options import Seed
-from surfsup.cli.status import INTERRUPTED
-from surfsup.progress import bar, fitting_line
+from surfsup.progress import bar
 
 
 def deepsdf(
@@ -34,16 +34,13 @@ def deepsdf(
     from surfsup.fitting.deepsdf_fit import DeepSdfConfig, DeepSdfFit, draw_samples, shapes_of
     from surfsup.fitting.fit import config_of
     from surfsup.fitting.folder import fit_folder
-    from surfsup.fitting.loop import Diverged, run
     from surfsup.fitting.sample_file import load_samples, save_samples
     from surfsup.fitting.shape_set import shape_set
     from surfsup.sdf.deepsdf import save_deepsdf
-    from surfsup.training.config import seconds_of
-    from surfsup.training.stopping import Stop
 
     torch.set_num_threads(threads)
     config = config_of(DeepSdfConfig, [*(overrides or []), f"seed={seed}"])
-    stop = Stop(seconds_of(time_limit) if time_limit else float("inf"))
+    stop = stop_after(time_limit)
     folder = fit_folder(out, resume)
     if resume:
         samples = load_samples(folder)
@@ -53,22 +50,12 @@ def deepsdf(
             samples = draw_samples(shapes, config.seed, done)
         save_samples(folder, samples)
     fitting = DeepSdfFit(config, samples, folder)
-    if resume:
-        fitting.resume()
-    failed: Diverged | None = None
-    with stop, fitting_line() as tell:
-        try:
-            run(fitting, stop, tell)
-        except Diverged as error:
-            failed = error
-        if fitting.best:
-            save_deepsdf(out, shapes_of(fitting, {"input": source, "command": f"surfsup fit deepsdf {source}"}))
-    if failed is not None:
-        raise failed
-    typer.echo(
-        f"{len(samples.names)} shapes; mean error of the clamped distance {fitting.least:.2e} of a cube of side 2"
-    )
-    typer.echo(f"{fitting.step} of {config.steps} steps in {fitting.processor_seconds:.0f} s of processor time")
-    typer.echo(f"written to {out}; pour water on one with: surfsup simulate {out} --shape {samples.names[0]}")
-    if stop.signalled:
-        raise typer.Exit(INTERRUPTED)
+
+    def write() -> list[str]:
+        save_deepsdf(out, shapes_of(fitting, {"input": source, "command": f"surfsup fit deepsdf {source}"}))
+        return [
+            f"{len(samples.names)} shapes; mean error of the clamped distance {fitting.least:.2e} of a cube of side 2",
+            f"written to {out}; pour water on one with: surfsup simulate {out} --shape {samples.names[0]}",
+        ]
+
+    carry_out(fitting, stop, resume, write)

@@ -9,9 +9,8 @@ from typing import Annotated
 import typer
 
 from surfsup.cli.fit_options import OutFile, Overrides, Resume, Threads, TimeLimit, UpAxis
+from surfsup.cli.fit_run import carry_out, stop_after
 from surfsup.cli.options import Seed
-from surfsup.cli.status import INTERRUPTED
-from surfsup.progress import fitting_line
 
 
 def siren(
@@ -34,42 +33,28 @@ def siren(
 
     from surfsup.fitting.fit import config_of
     from surfsup.fitting.folder import fit_folder
-    from surfsup.fitting.loop import Diverged, run
     from surfsup.fitting.siren_fit import SirenConfig, SirenFit
     from surfsup.fitting.siren_input import read_input
     from surfsup.fitting.siren_result import as_text, errors_of, surface_of
     from surfsup.sdf.siren import save_siren
-    from surfsup.training.config import seconds_of
-    from surfsup.training.stopping import Stop
 
     torch.set_num_threads(threads)
     config = config_of(SirenConfig, [*(overrides or []), f"seed={seed}"])
-    stop = Stop(seconds_of(time_limit) if time_limit else float("inf"))
+    stop = stop_after(time_limit)
     folder = fit_folder(out, resume)
     target, shape = read_input(source, up, config.samples, config.seed)
     fitting = SirenFit(config, target, folder)
-    if resume:
-        fitting.resume()
-    failed: Diverged | None = None
-    with stop, fitting_line() as tell:
-        try:
-            run(fitting, stop, tell)
-        except Diverged as error:
-            failed = error
-        if fitting.best:
-            about = {"input": source.name, "command": f"surfsup fit siren {source.name}"}
-            surface, mesh = surface_of(fitting, about)
-            if shape is not None:
-                errors = errors_of(surface, mesh, shape, config.seed)
-                surface.about["errors"] = as_text(errors)
-            save_siren(out, surface)
-    if failed is not None:
-        raise failed
-    if shape is not None:
-        typer.echo(errors.text())
-        if errors.parts > 1:
-            warnings.warn(f"{out}: its mesh has {errors.parts} separate parts", stacklevel=1)
-    typer.echo(f"{fitting.step} of {config.steps} steps in {fitting.processor_seconds:.0f} s of processor time")
-    typer.echo(f"written to {out}; pour water on it with: surfsup simulate {out}")
-    if stop.signalled:
-        raise typer.Exit(INTERRUPTED)
+
+    def write() -> list[str]:
+        told = []
+        surface, mesh = surface_of(fitting, {"input": source.name, "command": f"surfsup fit siren {source.name}"})
+        if shape is not None:
+            errors = errors_of(surface, mesh, shape, config.seed)
+            surface.about["errors"] = as_text(errors)
+            told.append(errors.text())
+            if errors.parts > 1:
+                warnings.warn(f"{out}: its mesh has {errors.parts} separate parts", stacklevel=1)
+        save_siren(out, surface)
+        return [*told, f"written to {out}; pour water on it with: surfsup simulate {out}"]
+
+    carry_out(fitting, stop, resume, write)

@@ -26,6 +26,10 @@ CHECKED = 10_000  # points near the surface
 COMPARED = 50_000  # points on each of two surfaces for the Chamfer distance
 
 
+class NothingInside(InputError):
+    """A fit in its first steps, whose network is negative nowhere."""
+
+
 @dataclass(frozen=True)
 class Errors:
     """How far a fitted surface is off, in units of the cube, whose side is 2.
@@ -59,7 +63,7 @@ def surface_of(
     """The best surface of ``fit`` with its lattice, and its mesh of ``resolution`` cells along the cube.
 
     Raises:
-        InputError: it has no inside.
+        NothingInside: it is positive everywhere.
     """
     network = fit.options.sizes.network()
     network.load_state_dict(fit.best or fit.network.state_dict())
@@ -69,7 +73,7 @@ def surface_of(
     try:
         mesh = polygonise(bare, resolution)
     except InputError:
-        raise InputError("the fit has no inside yet; go on with --resume and more --time") from None
+        raise NothingInside("the fit has no inside yet; go on with --resume and more --time") from None
     vertices, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces)
     box = torch.tensor(np.stack([vertices.min(axis=0), vertices.max(axis=0)]))
     lattice = Lattice.around(vertices, faces, CELL, MARGIN)
