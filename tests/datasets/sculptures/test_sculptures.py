@@ -83,5 +83,4 @@ def test_the_room_is_one_solid_open_above():
 
 
 def test_a_sculpture_can_be_imported_before_any_recipe():
-    for module in ("surfsup.datasets.sculptures.room", "surfsup.datasets.carpentry", "surfsup.fitting.shape_set"):
-        subprocess.run([sys.executable, "-c", f"import {module}"], check=True)
+    subprocess.run([sys.executable, "-c", "import surfsup.datasets.sculptures.room"], check=True)

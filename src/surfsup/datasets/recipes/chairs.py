@@ -1,6 +1,6 @@
 """The recipe ``chairs``: water falls on a chair (supplement, section 5.4).
 
-By default each chair is drawn by :mod:`surfsup.datasets.carpentry`. With ``--source FOLDER`` it is one of ShapeNetCore, read as
+By default each chair is drawn by `datasets/carpentry.py`. With ``--source FOLDER`` it is one of ShapeNetCore, read as
 ``03001627/<model>/models/model_normalized.obj`` below the folder, below the category's own folder or below the one
 above, scaled to a largest extent of at most 0.9 m. The container and the block above are the supplement's; how a chair
 is turned about the vertical and where it stands are drawn at random, which is ours.
