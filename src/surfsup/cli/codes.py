@@ -11,7 +11,7 @@ from surfsup.cli.fit_options import OutFile, UpAxis
 from surfsup.cli.options import Seed
 from surfsup.progress import bar
 
-ShapesFile = Annotated[Path, typer.Argument(metavar="SHAPES", help="A file that 'surfsup fit deepsdf' wrote.")]
+ShapesFile = Annotated[Path, typer.Argument(metavar="SHAPES", help="What 'surfsup fit deepsdf' wrote; chairs; bowls.")]
 
 
 def code(
@@ -48,12 +48,16 @@ def between(
     second: Annotated[str, typer.Argument(help="Name of the shape to end with.")],
     out: Annotated[Path | None, typer.Option("-o", "--out", help="Output folder; out/FIRST-SECOND.")] = None,
     steps: Annotated[int, typer.Option(min=2, help="Shapes to show, both ends among them.")] = 9,
+    whole: Annotated[
+        bool, typer.Option("--whole", help="Go by way of known shapes, so that every step is one closed mesh.")
+    ] = False,
 ) -> None:
     """Show the shapes between two latent codes: a page with a slider, a strip of pictures, and their meshes.
 
     Example: surfsup fit between chairs.safetensors chair-0003 chair-0007 -o out/chairs
     """
     from surfsup.fitting.interpolate import interpolate
+    from surfsup.fitting.way import whole_way
     from surfsup.sdf import load_deepsdf
     from surfsup.viewing.graphics import require_graphics
     from surfsup.viewing.slider import picture_of_solid, write_slider, write_strip
@@ -64,11 +68,12 @@ def between(
     folder = out or Path("out") / f"{first}-{second}"
     folder.mkdir(parents=True, exist_ok=True)
     pictures, captions = [], []
+    solids = whole_way(known, first, second, steps) if whole else interpolate(known, *ends, steps)
     with bar(f"from {first} to {second}") as tell:
-        for number, one in enumerate(interpolate(known, *ends, steps)):
+        for number, one in enumerate(solids):
             pictures.append(picture_of_solid(one.mesh))
             state = "one closed mesh" if one.whole else f"{one.parts} parts{'' if one.closed else ', not closed'}"
-            captions.append(f"{one.share:.0%} of {second}: {state}")
+            captions.append(f"{one.share:.0%} of the way: {state}")
             if one.mesh is not None:
                 one.mesh.export(folder / f"step-{number}.ply")
             tell(number + 1, steps)

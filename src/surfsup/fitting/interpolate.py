@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import torch
 import trimesh
@@ -37,6 +37,10 @@ class Between:
         """Whether it is one connected, closed mesh."""
         return self.parts == 1 and self.closed
 
+    def at(self, share: float) -> Between:
+        """The same solid at another share."""
+        return replace(self, share=share)
+
 
 def interpolate(
     shapes: DeepSdf, first: Tensor, second: Tensor, steps: int, resolution: int = RESOLUTION
@@ -49,10 +53,18 @@ def interpolate(
     if steps < 2:
         raise InputError(f"an interpolation of {steps} steps has no two ends; give at least 2")
     for share in torch.linspace(0, 1, steps).tolist():
-        surface = shapes.surface((1 - share) * first + share * second)
-        try:
-            mesh = polygonise(surface, resolution)
-        except InputError:
-            yield Between(share, None, 0, False)
-            continue
-        yield Between(share, mesh, int(mesh.body_count), bool(mesh.is_watertight))
+        yield solid_between(shapes, (1 - share) * first + share * second, share, resolution)
+
+
+def solid_between(shapes: DeepSdf, code: Tensor, share: float, resolution: int) -> Between:
+    """The solid of ``code`` (C,), which lies at ``share`` of the way; ``resolution`` cells along the cube.
+
+    Raises:
+        InputError: the code is of another length.
+    """
+    surface = shapes.surface(code)
+    try:
+        mesh = polygonise(surface, resolution)
+    except InputError:
+        return Between(share, None, 0, False)
+    return Between(share, mesh, int(mesh.body_count), bool(mesh.is_watertight))
