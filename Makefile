@@ -3,13 +3,13 @@
 PYTHON ?=
 export PYTHON
 
-.PHONY: help demo test bench weights setup clean
+.PHONY: help demo test bench weights surfaces setup clean
 help:
 	@echo "make demo    water on a knot: a page and a video in out/demo"
 	@echo "make test    the linter and all tests"
 	@echo "make bench   the default model's speed beside the solver's, its growth, its pool at rest; half an hour, alone"
 	@echo "make weights train the shipped model anew: data by the solver, then two runs; hours"
-	@echo "make neural  fit the neural surfaces anew: coral, room, chairs, bowls; an hour, can be started again"
+	@echo "make surfaces fit the shipped neural surfaces anew: coral, chairs, bowls; half an hour, can be started again"
 	@echo "make setup   only what these two need: .venv and the system libraries"
 	@echo "make clean   remove .venv and what demo and tests left"
 
@@ -42,6 +42,16 @@ weights: setup
 
 WEIGHTS_DATA = --data data/train --data data/assorted-train --data data/tanks-train --validation data/validation \
 	--threads 2
+
+# The surfaces that ship: see the cards in src/surfsup/surfaces. What is done is kept, so it can be started again.
+surfaces: setup
+	.venv/bin/surfsup fit siren coral -o runs/surfaces/coral.safetensors steps=10000 $(call again,coral)
+	.venv/bin/surfsup fit deepsdf chairs --shapes 500 -o runs/surfaces/chairs.safetensors $(call again,chairs)
+	.venv/bin/surfsup fit deepsdf bowls --shapes 200 -o runs/surfaces/bowls.safetensors width=96 layers=4 code=8 \
+		steps=8000 $(call again,bowls)
+	cp runs/surfaces/*.safetensors src/surfsup/surfaces/
+
+again = $(if $(wildcard runs/surfaces/$(1).fit/checkpoint.safetensors),--resume)
 
 setup: .venv/ready
 	@scripts/system-libraries
