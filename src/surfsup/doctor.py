@@ -32,7 +32,8 @@ class Finding:
 
 def examine() -> list[Finding]:
     """Look at everything that surfsup needs."""
-    return [python(), torch_build(), native_step(), processor(), models(), pictures(), reference_solver(), disk()]
+    shipped = [models(), surfaces()]
+    return [python(), torch_build(), native_step(), processor(), *shipped, pictures(), reference_solver(), disk()]
 
 
 def python() -> Finding:
@@ -83,6 +84,15 @@ def models() -> Finding:
         names or "none shipped",
         "" if names else "pip install --force-reinstall surfsup",
     )
+
+
+def surfaces() -> Finding:
+    """The neural surfaces that come with the package."""
+    from surfsup.sdf.shipped import shipped_surfaces
+
+    names = ", ".join(shipped_surfaces())
+    remedy = "" if names else "pip install --force-reinstall surfsup"
+    return Finding("neural surfaces", bool(names), names or "none shipped", remedy)
 
 
 def pictures() -> Finding:

@@ -20,7 +20,12 @@ def length(metres: float) -> float:
 
 
 Vector = tuple[float, float, float]
-Source = Annotated[Path, typer.Argument(metavar="SURFACE|SCENE.yaml", help="A mesh, neural surface or scene file.")]
+Source = Annotated[
+    Path,
+    typer.Argument(
+        metavar="SURFACE|SCENE.yaml", help="A mesh, a neural surface (one's own, or coral, chairs, bowls), a scene."
+    ),
+]
 Out = Annotated[Path | None, typer.Option("-o", "--out", help="Output folder; out/NAME by default.")]
 Frames = Annotated[int | None, typer.Option(min=1, help="Frames of 0.005 s; 800 by default.")]
 Fit = Annotated[float, typer.Option(help="Largest extent that the mesh is scaled to, in metres.")]

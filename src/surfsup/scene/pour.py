@@ -16,6 +16,7 @@ from surfsup.scene.fluid import PARTICLE_RADIUS, SPACING, Block, Fluid
 from surfsup.scene.scene import Container, Scene
 from surfsup.scene.shapes import DeepSdfShape, MeshShape, Rotation, Shape, SirenShape
 from surfsup.sdf import neural_file
+from surfsup.sdf.shipped import is_shipped
 
 FIT = 0.7  # metres: the largest extent of a fitted mesh
 BLOCK_SIDE = 0.45  # metres: 14 particles a side, the middle of the training data
@@ -51,7 +52,7 @@ def pour_on(
     """The scene of water falling on the mesh or the neural surface in ``path``.
 
     Args:
-        path: the file.
+        path: the file, or the name of a shipped surface.
         placing: how it stands.
         container: what it stands in.
         block: the water; left out, a cube of 0.45 m above the solid.
@@ -126,14 +127,17 @@ def kind_of_file(path: Path, placing: Placing) -> dict[str, MeshShape | SirenSha
     Raises:
         InputError: it is of no known kind, or an option is not for such a file.
     """
-    file = path.resolve()
-    if path.suffix.lower() != neural_file.ENDING:
+    own = is_shipped(path)
+    if not own and not path.suffix and not path.exists():
+        raise InputError(f"{path}: there is no such file; surfaces that ship are {', '.join(sdf.shipped_surfaces())}")
+    file = path if own else path.resolve()
+    if not own and path.suffix.lower() != neural_file.ENDING:
         if placing.shape is not None:
             raise InputError(f"{path}: is a single shape; leave out --shape, which chooses one of a DeepSDF's")
         return {"mesh": MeshShape(file=file, fit=placing.fit, up=placing.up)}
     if placing.up is not None:
         raise InputError(f"{path}: was stood up when it was fitted; leave out --up")
-    if neural_file.kind_of(path) == neural_file.DEEPSDF:
+    if neural_file.kind_of(sdf.resolve(path)) == neural_file.DEEPSDF:
         return {"deepsdf": DeepSdfShape(file=file, fit=placing.fit, shape=placing.shape)}
     if placing.shape is not None:
         raise InputError(f"{path}: is a single shape; leave out --shape, which chooses one of a DeepSDF's")

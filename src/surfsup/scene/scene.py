@@ -16,6 +16,7 @@ from surfsup.scene.fluid import SPACING, Block, Fluid, Start
 from surfsup.scene.shapes import Description, Length, Shape, Vector
 from surfsup.scene.text import parse_yaml
 from surfsup.sdf import Surface
+from surfsup.sdf.shipped import is_shipped
 
 FRAME_TIME = 0.005  # seconds
 SURFACE_CLEARANCE = 0.0238  # metres: no particle of the solver comes nearer to a solid (measured, 28 scenes)
@@ -92,13 +93,15 @@ class Scene(Description):
     def with_files_from(self, folder: Path) -> Scene:
         """The same scene for a file in ``folder``: files that lie in it are named from there, all others absolutely.
 
-        So a folder that holds scenes and what they need can be moved as a whole.
+        Shipped surfaces keep their names. So a folder that holds scenes and what they need can be moved as a whole.
         """
         if self.surface is None:
             return self
         root = folder.resolve()
 
         def rename(file: Path) -> Path:
+            if is_shipped(file):
+                return file
             absolute = (self._folder / file).resolve()
             return absolute.relative_to(root) if absolute.is_relative_to(root) else absolute
 

@@ -10,6 +10,7 @@ import torch
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from surfsup import sdf
+from surfsup.sdf.shipped import seen_from
 
 Length = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Finite = Annotated[float, Field(allow_inf_nan=False)]
@@ -132,7 +133,7 @@ class MeshShape(Description):
 class SirenShape(Description):
     """The SIREN in ``file``; ``fit`` is its largest extent in metres, left out: as what it was fitted to.
 
-    A fitted one is centred in x and y and stands on z = 0.
+    ``file`` may be the name of a shipped one. A fitted one is centred in x and y and stands on z = 0.
     """
 
     file: Path
@@ -140,15 +141,16 @@ class SirenShape(Description):
 
     def surface(self, folder: Path = Path()) -> sdf.Surface:
         """The signed distance; ``folder`` is where relative file names start."""
-        siren = sdf.load_siren(folder / self.file)
+        siren = sdf.load_siren(seen_from(folder, self.file))
         return siren.in_own_unit() if self.fit is None else sdf.standing(siren, self.fit)
 
 
 class DeepSdfShape(Description):
     """A shape of the DeepSDF in ``file``: the one called ``shape``, or the one of the latent ``code``.
 
-    A file of a single shape needs neither. ``fit`` is the largest extent in metres, 2 where it is left out; then the
-    middle of the shape's box is its origin, else it is centred in x and y and stands on z = 0.
+    ``file`` may be the name of a shipped one. A file of a single shape needs neither. ``fit`` is the largest extent in
+    metres, 2 where it is left out; then the middle of the shape's box is its origin, else it is centred in x and y and
+    stands on z = 0.
     """
 
     file: Path
@@ -165,8 +167,7 @@ class DeepSdfShape(Description):
 
     def surface(self, folder: Path = Path()) -> sdf.Surface:
         """The signed distance; ``folder`` is where relative file names start."""
-        path = folder / self.file
-        shapes = sdf.load_deepsdf(path)
+        shapes = sdf.load_deepsdf(seen_from(folder, self.file))
         code = shapes.code(self.shape) if self.code is None else torch.tensor(self.code)
         surface = shapes.surface(code).with_lattice()
         return surface if self.fit is None else sdf.standing(surface, self.fit)

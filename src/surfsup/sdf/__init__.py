@@ -9,6 +9,7 @@ from surfsup.sdf.mesh_file import MeshWarning, fit_mesh, load_mesh
 from surfsup.sdf.neural import NeuralSurface, standing
 from surfsup.sdf.polygonise import polygonise
 from surfsup.sdf.primitives import Box, CappedCone, Cylinder, Sphere, Torus
+from surfsup.sdf.shipped import resolve, shipped_surfaces
 from surfsup.sdf.siren import SirenSurface, load_siren, save_siren
 from surfsup.sdf.surface import Surface
 from surfsup.sdf.transform import Transformed, axis_rotation
@@ -43,7 +44,9 @@ __all__ = [
     "load_mesh",
     "load_siren",
     "polygonise",
+    "resolve",
     "save_deepsdf",
     "save_siren",
+    "shipped_surfaces",
     "standing",
 ]

@@ -14,6 +14,7 @@ from surfsup.errors import InputError
 from surfsup.sdf import neural_file
 from surfsup.sdf.code_network import CodeNetwork, CodeSizes
 from surfsup.sdf.neural import NeuralSurface
+from surfsup.sdf.shipped import resolve
 
 REACH = 1.06  # of the cube [-1, 1]³: where the zero set of any code is looked for
 CHUNK = 8192  # points at once
@@ -119,13 +120,13 @@ def save_deepsdf(path: Path, shapes: DeepSdf) -> None:
 
 
 def load_deepsdf(path: Path) -> DeepSdf:
-    """The shapes in ``path``.
+    """The shapes in ``path``, a file or the name of a shipped one.
 
     Raises:
         InputError: the file is missing, cut off, not one of a DeepSDF, or its tensors are those of another
             architecture.
     """
-    header, tensors = neural_file.read(path, neural_file.DEEPSDF)
+    header, tensors = neural_file.read(resolve(path), neural_file.DEEPSDF)
     try:
         sizes, weights, codes = CodeSizes(**header["sizes"]), neural_file.part(tensors, "network."), tensors["codes"]
         fitting = (sizes.width, sizes.code) == (weights["last.weight"].shape[1], codes.shape[1])

@@ -12,6 +12,7 @@ from torch import Tensor
 from surfsup.sdf import neural_file
 from surfsup.sdf.lattice import Lattice
 from surfsup.sdf.neural import NeuralSurface
+from surfsup.sdf.shipped import resolve
 from surfsup.sdf.sine_network import SineNetwork
 from surfsup.sdf.surface import Surface
 from surfsup.sdf.transform import Transformed
@@ -109,12 +110,12 @@ def save_siren(path: Path, surface: SirenSurface) -> None:
 
 
 def load_siren(path: Path) -> SirenSurface:
-    """The surface in ``path``, ready to be asked.
+    """The surface in ``path``, a file or the name of a shipped one, ready to be asked.
 
     Raises:
         InputError: the file is missing, cut off, not one of a SIREN, or its tensors are those of another architecture.
     """
-    header, tensors = neural_file.read(path, neural_file.SIREN)
+    header, tensors = neural_file.read(resolve(path), neural_file.SIREN)
     try:
         sizes = SirenSizes(**header["sizes"])
         weights = neural_file.part(tensors, "network.")

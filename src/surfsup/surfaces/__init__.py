@@ -1,0 +1,1 @@
+"""The neural surfaces that ship: safetensors, each with its card."""
