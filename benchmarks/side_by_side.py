@@ -1,10 +1,11 @@
 """The supplement's Tables 1 and 2 with our numbers beside the paper's, and the courses of training over compute.
 
-    python benchmarks/side_by_side.py REPORTS [--runs runs/side] [--figure docs/images/side-by-side.png]
+    python benchmarks/side_by_side.py REPORTS [--runs runs/side runs/side-on] [--figure docs/images/side-by-side.png]
 
 REPORTS holds a folder for each preset and guard, as `surfsup evaluate` makes them: surfsup, surfsup-no-guard, gns and
-so on. RUNS holds the trainings under the presets' names, for the figure: Chamfer of the rollouts on validation scenes
-over the seconds of training, judging included. Tables are written as Markdown.
+so on. RUNS hold the trainings under the presets' names, for the figure: Chamfer of the rollouts on validation scenes
+over the time of training, judging included; of several, each went on from the one before. Tables are written as
+Markdown.
 """
 
 from __future__ import annotations
@@ -115,19 +116,30 @@ def complex_scenes(reports: dict[str, dict[str, Any]]) -> str:
     return table(["scene", "model", "Chamfer / Surface / inside / mean inside, m", "the paper's"], rows)
 
 
-def draw(runs: Path, path: Path) -> None:
-    """Chamfer over seconds of training."""
+def course(runs: list[Path], name: str) -> tuple[list[float], list[float]]:
+    """Minutes of training and Chamfer, over all the runs of a preset."""
+    minutes, chamfer, before = [], [], 0.0
+    for log in (run / name / "log.csv" for run in runs):
+        if not log.is_file():
+            break
+        with log.open(newline="") as file:
+            rows = list(csv.DictReader(file))
+        judged = [row for row in rows if row["chamfer"] != "nan"]
+        minutes += [before + float(row["seconds"]) / 60 for row in judged]
+        chamfer += [float(row["chamfer"]) for row in judged]
+        before += float(rows[-1]["seconds"]) / 60
+    return minutes, chamfer
+
+
+def draw(runs: list[Path], path: Path) -> None:
+    """Chamfer over minutes of training."""
     import matplotlib.pyplot as plt
 
     figure, axes = plt.subplots(figsize=(7, 4), constrained_layout=True)
     for name in PRESETS:
-        log = runs / name / "log.csv"
-        if not log.is_file():
-            continue
-        with log.open(newline="") as file:
-            rows = [row for row in csv.DictReader(file) if row["chamfer"] != "nan"]
-        minutes, chamfer = [float(row["seconds"]) / 60 for row in rows], [float(row["chamfer"]) for row in rows]
-        axes.plot(minutes, chamfer, marker="o", label=name)
+        minutes, chamfer = course(runs, name)
+        if minutes:
+            axes.plot(minutes, chamfer, marker="o", label=name)
     axes.set(xlabel="minutes of training, judging included", ylabel="Chamfer on validation scenes, m", yscale="log")
     axes.grid(alpha=0.3)
     axes.legend()
@@ -138,7 +150,7 @@ def main() -> None:
     """Print the tables, draw the figure."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("reports", type=Path)
-    parser.add_argument("--runs", type=Path, default=None)
+    parser.add_argument("--runs", type=Path, nargs="+", default=[])
     parser.add_argument("--figure", type=Path, default=Path("docs/images/side-by-side.png"))
     arguments = parser.parse_args()
     names = [name + end for name in PRESETS for end in ("", "-no-guard")]
@@ -146,7 +158,7 @@ def main() -> None:
     print(data_sets(reports))
     print(ablation(reports, "prim-shapes-test"))
     print(complex_scenes(reports))
-    if arguments.runs is not None:
+    if arguments.runs:
         draw(arguments.runs, arguments.figure)
 
 

@@ -60,7 +60,6 @@ def test_a_file_can_be_like_a_preset(tmp_path):
         ("fast", "size=paper", "kind 'convolution' has no sizes by name"),
         ("fast", "precision=bf16", "kind 'convolution' computes in precision 32 only"),
         ("surfsup", "phases=[{until: 1, energy: 1}]", "kind 'surfsup' has no energy term"),
-        ("surfsup", "phases=[{until: 1, density: 1}]", "kind 'surfsup' has no density term"),
         ("fast", "messages=33", "messages is 33, but must be 1 to 32, the width"),
         ("surfsup", "history=1000", "history is 1000"),
     ],

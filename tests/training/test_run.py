@@ -43,6 +43,22 @@ def test_a_checkpoint_of_an_older_version_is_refused_in_one_line(tmp_path):
 
 
 @pytest.mark.parametrize("of", [config(), message_passing("gns")])
+def test_the_averaged_weights_of_a_run_are_in_its_folder(of, tmp_path):
+    run = Run(of, tmp_path)
+    with pytest.raises(InputError, match="there is no checkpoint"):
+        Run.average_of(tmp_path)
+    run.average.load_state_dict(Run(of.model_copy(update={"seed": 9}), tmp_path).model.state_dict())
+    run.save()
+    kept = Run.average_of(tmp_path)
+    assert (kept.kind, kept.architecture) == (run.model.kind, run.model.architecture)
+    assert all(torch.equal(value, run.average.state_dict()[name]) for name, value in kept.state_dict().items())
+    broken = run.files.load()
+    run.files.save(dataclasses.replace(broken, tensors=dict(list(broken.tensors.items())[1:])))
+    with pytest.raises(InputError, match="no checkpoint of this version"):
+        Run.average_of(tmp_path)
+
+
+@pytest.mark.parametrize("of", [config(), message_passing("gns")])
 def test_a_run_can_start_from_trained_weights_of_its_own_architecture(of, tmp_path):
     trained = Run(of.model_copy(update={"seed": 9}), tmp_path).model
     run = Run(of, tmp_path)

@@ -24,7 +24,7 @@ def train(
     overrides: Annotated[list[str] | None, typer.Argument(metavar="key=value")] = None,
     time_limit: Annotated[str, typer.Option("--time", help="Stop after so long: 90s, 30m, 2h.")] = "",
     resume: Annotated[bool, typer.Option("--resume", help="Go on from the folder's checkpoint.")] = False,
-    start: Annotated[str | None, typer.Option(help="Begin with the weights of this model or file.")] = None,
+    start: Annotated[str | None, typer.Option(help="Begin with the weights of this model, file or run.")] = None,
     device: Device = None,
     threads: Annotated[int, typer.Option(min=1, help="Threads of torch.")] = 1,
 ) -> None:
@@ -55,7 +55,8 @@ def train(
     stop = Stop(seconds_of(time_limit) if time_limit else float("inf"))
     run = Run(config, out, fabric_on(choose_device(device)))
     if start is not None:
-        run.start_from(weights.load(weights.find(start))[0])
+        simulator = Run.average_of(Path(start)) if Path(start).is_dir() else weights.load(weights.find(start))[0]
+        run.start_from(simulator)
     if resume:
         run.resume()
     elif run.files.exist():

@@ -44,7 +44,7 @@ class Phase(BaseModel):
         unroll: steps that the loss is taken over, with gradient through all of them.
         noise: metres; largest spread of the noise on the first state.
         energy: weight of the energy term; only the convolution has one.
-        density: weight of the density term; likewise.
+        density: weight of the density term.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
@@ -135,9 +135,8 @@ class TrainingConfig(BaseModel):
             if self.precision != "32":
                 raise ValueError(f"kind '{self.kind}' computes in precision 32 only")
         else:
-            for term in ("energy", "density"):
-                if any(getattr(phase, term) > 0 for phase in self.phases):
-                    raise ValueError(f"kind '{self.kind}' has no {term} term; leave '{term}' out of the phases")
+            if any(phase.energy > 0 for phase in self.phases):
+                raise ValueError(f"kind '{self.kind}' has no energy term; leave 'energy' out of the phases")
         _ = self.architecture
         return self
 

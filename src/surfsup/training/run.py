@@ -134,6 +134,23 @@ class Run:
         self.seen = None if counters["seen"] is None else Seen.from_json(counters["seen"])
         self.untouched = False
 
+    @classmethod
+    def average_of(cls, folder: Path) -> LearnedSimulator:
+        """The averaged weights in the checkpoint of a run, whether or not they ever were its best.
+
+        Raises:
+            InputError: there is no checkpoint, or none that is whole and of this version.
+        """
+        files = CheckpointFiles(folder)
+        try:
+            checkpoint = files.load()
+            run = cls(TrainingConfig.model_validate_json(checkpoint.config), folder)
+            run.average.load_state_dict(part_of(checkpoint.tensors, "average."))
+        except (ValidationError, KeyError, RuntimeError) as error:
+            reason = " ".join(str(error).split())[:120]
+            raise InputError(f"{files.last}: is no checkpoint of this version ({reason})") from None
+        return run.average
+
     @property
     def adam(self) -> torch.optim.Optimizer:
         """The optimiser without its wrapping."""

@@ -3,10 +3,14 @@ import pytest
 import torch
 
 from surfsup.datasets.windows import Windows
+from surfsup.model.message_passing.history import History
+from surfsup.model.neighbours import neighbourhood
 from surfsup.training.batches import EXAMPLES, prepare, read_batch
 from surfsup.training.config import Phase
 from surfsup.training.objectives import Batch
 from surfsup.training.objectives.acceleration import NEAR_SURFACE, NEAR_WEIGHT
+from surfsup.training.objectives.density_loss import density_loss
+from surfsup.training.objectives.strayed import FASTEST
 from surfsup.training.run import Run
 from tests.training.conftest import MESSAGE_PASSING, batch_of, fresh, message_passing
 
@@ -32,6 +36,48 @@ def test_the_loss_is_the_weighted_squared_error_of_the_normalised_acceleration(r
     weight = torch.where(near, NEAR_WEIGHT, 1.0)
     torch.testing.assert_close(loss, (weight * error.mean(dim=1)).mean())
     torch.testing.assert_close(rows[0], torch.stack([loss, error[near].mean(), error[~near].mean()]))
+
+
+def strayed(state: History, place: float, last: float, faster: float) -> History:
+    """The state moved aside along x, with another last move and velocity."""
+    aside = torch.tensor([1.0, 0.0, 0.0])
+    moves = torch.cat([state.moves[:, :1] + last * aside, state.moves[:, 1:]], dim=1)
+    return History(state.positions + place * aside, state.velocities + faster * aside, moves)
+
+
+def test_a_state_that_strayed_a_little_is_asked_for_the_true_step(run, data):
+    window = batch_of(run, data).windows[0]
+    state = strayed(run.model.state_after(*window.up_to_now), 0.2, 1e-3, 0.1)
+    for asked, true in zip(run.objective.asked_step(state, window, 0), run.objective.true_step(window, 0), strict=True):
+        torch.testing.assert_close(asked, true, atol=1e-6, rtol=0)
+
+
+def test_a_state_that_strayed_far_is_asked_to_make_good_no_more_than_the_bound(run, data):
+    window, time = batch_of(run, data).windows[0], run.model.step_time
+    true_state, true = run.model.state_after(*window.up_to_now), run.objective.true_step(window, 0)
+    state = strayed(true_state, 0.2, 3 * FASTEST * time, 3 * FASTEST)
+    move, velocities = run.objective.asked_step(state, window, 0)
+    aside = torch.tensor([1.0, 0.0, 0.0]).expand_as(move)
+    torch.testing.assert_close(move - true[0], 2 * FASTEST * time * aside, atol=1e-6, rtol=0)
+    torch.testing.assert_close(velocities - true[1], 2 * FASTEST * aside, atol=1e-5, rtol=0)
+
+
+def test_squeezing_costs_what_the_phase_weighs_it(run, data):
+    windows = batch_of(run, data).windows
+    plain, dear = (
+        run.objective(Batch(windows, fresh()), Phase(until=1, noise=0.01, density=density))[0] for density in (0, 2)
+    )
+    states = [
+        run.objective.with_noise(run.model.state_after(*window.up_to_now), 0.01, random)
+        for window, random in zip(windows, fresh(), strict=True)
+    ]
+    reached = [
+        run.model.advance(s, run.model.predict(run.model.observe(s, w.around)))[0]
+        for s, w in zip(states, windows, strict=True)
+    ]
+    squeezed = torch.stack([density_loss(places, neighbourhood(places.detach(), 0.061)) for places in reached]).mean()
+    assert squeezed > 0.01
+    torch.testing.assert_close(dear - plain, 2 * squeezed, rtol=1e-3, atol=1e-4)
 
 
 @pytest.mark.parametrize("kind", MESSAGE_PASSING)

@@ -11,11 +11,16 @@ from torch import Tensor
 from surfsup.datasets.windows import Window
 from surfsup.model.message_passing.history import History
 from surfsup.model.message_passing.simulator import MessagePassingSimulator, join_seen
+from surfsup.model.neighbours import neighbourhood
+from surfsup.scene import SPACING
 from surfsup.training.config import Phase
+from surfsup.training.objectives.density_loss import density_loss
 from surfsup.training.objectives.objective import Batch, Objective, StepErrors, mean_where
+from surfsup.training.objectives.strayed import FASTEST, at_most
 
 NEAR_SURFACE = 0.09  # metres; alpha of the supplement
 NEAR_WEIGHT = 5.0  # lambda of the supplement
+SUPPORT = 2 * SPACING  # metres; of the kernel that density is measured by
 
 
 class AccelerationObjective(Objective):
@@ -53,6 +58,17 @@ class AccelerationObjective(Objective):
         positions, velocities = window.frame((number + 1) * self.frames_per_step)
         return positions - before, velocities
 
+    def asked_step(self, state: History, window: Window, number: int) -> tuple[Tensor, Tensor]:
+        """The move and the velocities that are asked of ``state`` in a step of a window; both (N, 3).
+
+        They are the true ones, as in GNS: so an error of the last move is to be made good at once, one of place not at
+        all. Of a state that has strayed far no more is asked than of one that has strayed by the bounds.
+        """
+        last, last_velocities = self.true_step(window, number - 1)
+        move, velocities = self.true_step(window, number)
+        off, faster = (state.moves[:, 0] - last).detach(), (state.velocities - last_velocities).detach()
+        return move + off - at_most(off, FASTEST * self.model.step_time), velocities + faster - at_most(faster, FASTEST)
+
     def predict(
         self, states: list[History], batch: Batch, number: int, phase: Phase
     ) -> tuple[list[StepErrors], list[tuple[Tensor, Tensor]]]:
@@ -66,10 +82,13 @@ class AccelerationObjective(Objective):
         every = joined.split([len(state.positions) for state in states])
         for window, state, predicted in zip(windows, states, every, strict=True):
             reached.append(self.model.advance(state, predicted))
-            wanted = self.model.wanted(state, *self.true_step(window, number))
+            wanted = self.model.wanted(state, *self.asked_step(state, window, number))
             with torch.no_grad():
                 near = window.around.distance_and_normal(state.positions)[0] < NEAR_SURFACE
             error = (predicted - wanted).square().mean(dim=-1)
             loss = (torch.where(near, NEAR_WEIGHT, 1.0) * error).mean()
+            if phase.density > 0:
+                positions = reached[-1][0]
+                loss = loss + phase.density * density_loss(positions, neighbourhood(positions, SUPPORT))
             errors.append(StepErrors(loss, mean_where(error, near), mean_where(error, ~near)))
         return errors, reached

@@ -15,12 +15,12 @@ from surfsup.model.state import FRAME_TIME, State
 from surfsup.training.config import Phase
 from surfsup.training.objectives.correction_loss import (
     NEAR_SURFACE,
-    density_loss,
     energy_loss,
     motion_loss,
     squared_error,
     wanted_correction,
 )
+from surfsup.training.objectives.density_loss import density_loss
 from surfsup.training.objectives.objective import Batch, Objective, StepErrors, mean_where
 
 NOISE_DECADES = 2.0  # how many powers of ten smaller than the configured noise a window's may be

@@ -1,0 +1,40 @@
+"""What an objective asks of the density of a predicted frame."""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor
+
+from surfsup.model.neighbours import Neighbourhood
+from surfsup.scene import SPACING
+
+SQUEEZED = 0.03  # of the lattice's density: some of what a frame's correction can change
+
+
+def density_loss(positions: Tensor, near: Neighbourhood) -> Tensor:
+    """How far the fluid is squeezed beyond the density that the solver never lets it exceed.
+
+    The solver's pressure holds every particle at or below the lattice's density, in every frame (measured: 1.000 is
+    the highest). A model that is nearly right in each frame drifts above that in hundreds, and nothing in a single
+    frame's error tells it so.
+
+    Args:
+        positions: (N, 3) predicted, metres.
+        near: at least all pairs within the kernel's support, for positions about these.
+    """
+    apart = positions.index_select(0, near.senders) - positions.index_select(0, near.receivers)
+    density = lattice_density(apart.square().sum(dim=-1), near)
+    return ((density - 1).clamp(min=0) / SQUEEZED).square().mean()
+
+
+def lattice_density(squared: Tensor, near: Neighbourhood) -> Tensor:
+    """The density (N,) in units of the lattice's, from the squared distances (E,) of neighbours in m².
+
+    The solver's cubic spline kernel, as in :func:`surfsup.datasets.density.number_density`.
+    """
+    support = 2 * SPACING
+    # The root has no slope at zero, where two particles lie on top of each other.
+    q = (squared / support**2).clamp(min=1e-8).sqrt()
+    kernel = torch.where(q <= 0.5, 6 * (q**3 - q**2) + 1, 2 * (1 - q).clamp(min=0) ** 3)
+    own = squared.new_ones(len(near.starts) - 1)
+    return own.index_add(0, near.receivers, kernel) * (8 / (torch.pi * support**3) * SPACING**3)
