@@ -2,6 +2,7 @@ import math
 
 import torch
 
+from surfsup import native
 from surfsup.model.energy import GAIN, energy_gain, without_gain
 from surfsup.model.simulator import Architecture, Simulator
 from surfsup.model.state import State, Surroundings
@@ -21,6 +22,15 @@ def test_the_gain_of_a_hand_worked_case():
     higher = torch.tensor([[0.0, 0.0, 0.1], [0.0, 0.0, 0.0]])
     faster = torch.tensor([[0.0, 0.0, 0.0], [2.0, 0.0, 0.0]])
     assert math.isclose(energy_gain(state, higher, faster, GRAVITY), (9.81 * 0.1 + 2.0) / 2, rel_tol=1e-6)
+
+
+def test_torch_adds_up_the_same(monkeypatch):
+    state = water(2000)
+    after = state.positions + 0.01 * torch.randn(2000, 3), state.velocities + 0.1 * torch.randn(2000, 3)
+    ours = energy_gain(state, *after, GRAVITY)
+    monkeypatch.setattr(native, "paths", list)
+    assert math.isclose(ours, energy_gain(state, *after, GRAVITY), rel_tol=1e-4)
+    assert energy_gain(state.moved_to(*after), *after, GRAVITY) == 0
 
 
 def test_ballistic_motion_gains_nothing_however_it_moves():

@@ -4,7 +4,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from surfsup import native
-from surfsup.model.guard import TOLERANCE, guard
+from surfsup.model.guard import TOLERANCE, Look, guard
 from surfsup.model.state import Surroundings
 from surfsup.scene import SURFACE_CLEARANCE, WALL_CLEARANCE
 from surfsup.sdf import Box, Difference, Sphere, Surface, Transformed, Union
@@ -19,6 +19,21 @@ def around(surface: Surface | None) -> Surroundings:
 
 def at(surface: Surface, x: float, y: float, z: float) -> Surface:
     return Transformed(surface, None, (x, y, z))
+
+
+class Counted(Surface):
+    """A surface that notes how many points it is asked about."""
+
+    def __init__(self, surface: Surface) -> None:
+        super().__init__()
+        self.surface, self.asked = surface, []
+
+    def distance(self, points: torch.Tensor) -> torch.Tensor:
+        self.asked.append(len(points))
+        return self.surface.distance(points)
+
+    def bounds(self) -> torch.Tensor:
+        return self.surface.bounds()
 
 
 SCENES = {
@@ -69,6 +84,31 @@ def test_native_parts_do_what_torch_does(name, monkeypatch):
     assert alike.float().mean() > 0.99
     torch.testing.assert_close(ours.velocities[alike], theirs.velocities[alike], atol=1e-3, rtol=0)
     assert torch.equal(ours.moved, theirs.moved)
+
+
+@pytest.mark.parametrize("native_parts", [True, False])
+@pytest.mark.parametrize("name", SCENES)
+def test_a_look_at_the_solid_from_nearby_changes_nothing_that_is_kept(name, native_parts, monkeypatch):
+    if not native_parts:
+        monkeypatch.setattr(native, "paths", list)
+    surface, place = SCENES[name], around(SCENES[name])
+    places, velocities = drawn(3, 2000)
+    positions = places + 0.02 * torch.randn(2000, 3, generator=torch.Generator().manual_seed(4))
+    before = HIGH.expand_as(positions)
+    anew = guard(before, positions, velocities, place)
+    kept = guard(before, positions, velocities, place, Look(places, surface.distance(places)))
+    assert (surface.distance(kept.positions) >= 0).all()
+    for ours, theirs in zip(vars(kept).values(), vars(anew).values(), strict=True):
+        assert torch.equal(ours, theirs)
+
+
+def test_only_those_are_looked_at_again_that_may_have_come_too_close():
+    ball = Counted(at(Sphere(0.3), 0.0, 0.0, 0.3))
+    places = torch.tensor([[0.0, 0.0, 0.7], [0.0, 0.0, 0.62], [0.4, 0.0, 0.3], [0.0, 0.0, float("nan")]])
+    positions = places + torch.tensor([0.0, 0.0, -0.02])
+    guard(places, positions, torch.zeros(4, 3), around(ball), Look(places, ball.distance(places)))
+    # Two were 0.1 away and went 0.02; the one that was 0.02 away and the one that is nowhere may be anywhere.
+    assert ball.asked[1] == 2
 
 
 @pytest.mark.parametrize("name", SCENES)

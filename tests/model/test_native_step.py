@@ -58,7 +58,7 @@ def by_torch(simulator: Simulator, state: State, place: Surroundings) -> tuple[t
 
 
 def take(simulator: Simulator, state: State, place: Surroundings, path: str) -> tuple[torch.Tensor, torch.Tensor]:
-    return NativeStep(path).take(simulator, state, place)
+    return NativeStep(path).take(simulator, state, place)[:2]
 
 
 def assert_equal(ours: tuple[torch.Tensor, torch.Tensor], simulator: Simulator, state: State, place: Surroundings):

@@ -6,12 +6,13 @@ itself, but for the frames in which it is at a loss and throws particles about.
 
 from __future__ import annotations
 
-import numpy as np
+import torch
 from torch import Tensor
 
+from surfsup import native
 from surfsup.model.correction import LARGEST, Correction
 from surfsup.model.features import DISPLACEMENT_SCALE
-from surfsup.model.state import FRAME_TIME, State, difference
+from surfsup.model.state import FRAME_TIME, State
 
 GAIN = 2e-3  # J/kg a frame: what a sound model gains now and then, of the 5 to 15 that a scene begins with
 HALVINGS = 10
@@ -20,18 +21,15 @@ HALVINGS = 10
 def energy_gain(state: State, positions: Tensor, velocities: Tensor, gravity: Tensor) -> float:
     """How much mechanical energy a step from ``state`` to these positions and velocities (N, 3) adds, mean J/kg.
 
-    It decides what is done, and no gradient goes through it; so on the CPU NumPy adds it up, whose one thread is done
-    before torch's have woken up.
+    It decides what is done, and no gradient goes through it; so in single precision on the CPU it is added up in C++,
+    whose one thread is done before torch's have woken up.
     """
-    change = difference(velocities.detach(), state.velocities.detach())
-    moved = difference(positions.detach(), state.positions.detach())
-    if change.device.type != "cpu":
-        kinetic = (change * (velocities + state.velocities).detach()).sum(dim=-1) / 2
-        return float((kinetic - (moved * gravity).sum(dim=-1)).mean())
-    change, moved = change.numpy(), moved.numpy()
-    mean_velocity = (velocities.detach().numpy() + state.velocities.detach().numpy()) / 2
-    kinetic = np.einsum("ij,ij->", change, mean_velocity)
-    return float(kinetic - moved.sum(axis=0) @ gravity.detach().numpy()) / max(1, len(change))
+    step = [value.detach() for value in (state.positions, state.velocities, positions, velocities, gravity)]
+    if native.paths() and all(value.device.type == "cpu" and value.dtype == torch.float32 for value in step):
+        return native.energy_gain(*(value.contiguous().numpy() for value in step))
+    before, speed_before, after, speed_after, pull = step
+    kinetic = ((speed_after - speed_before) * (speed_after + speed_before)).sum(dim=-1) / 2
+    return float((kinetic - ((after - before) * pull).sum(dim=-1)).sum()) / max(1, len(after))
 
 
 def without_gain(state: State, positions: Tensor, velocities: Tensor, gravity: Tensor) -> tuple[Tensor, Tensor]:

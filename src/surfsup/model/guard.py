@@ -17,6 +17,19 @@ TOLERANCE = 1e-5  # metres that a particle may stay short of its clearance
 
 
 @dataclass(frozen=True)
+class Look:
+    """Where the solid was looked at in a frame already.
+
+    Attributes:
+        places: (N, 3) of the particles then, metres.
+        distance: (N,) of the solid from there, metres.
+    """
+
+    places: Tensor
+    distance: Tensor
+
+
+@dataclass(frozen=True)
 class Guarded:
     """What the guard made of a frame.
 
@@ -31,7 +44,9 @@ class Guarded:
     moved: Tensor
 
 
-def guard(before: Tensor, positions: Tensor, velocities: Tensor, around: Surroundings) -> Guarded:
+def guard(
+    before: Tensor, positions: Tensor, velocities: Tensor, around: Surroundings, last: Look | None = None
+) -> Guarded:
     """Push particles out along the normal and take away the part of their velocity that points in.
 
     The clearances are the smallest distances that the reference solver leaves. A push may end too close to a
@@ -44,13 +59,15 @@ def guard(before: Tensor, positions: Tensor, velocities: Tensor, around: Surroun
         positions: (N, 3) as the network wants them, metres.
         velocities: (N, 3), m/s.
         around: container and solid.
+        last: a look at the solid from near where the particles are now: those that were so far from it that they cannot
+            have come too close since are not looked at again.
     """
     if can_guard_natively(positions, velocities, around):
-        return guard_natively(before, positions, velocities, around)
+        return guard_natively(before, positions, velocities, around, last)
     positions, velocities, moved = into_container(positions, velocities, around)
     if around.surface is None:
         return Guarded(positions, velocities, moved)
-    at = torch.arange(len(positions), device=positions.device)
+    at = within_reach(positions, last).nonzero()[:, 0]
     for _ in range(ROUNDS):
         distance, normal = around.distance_and_normal(positions[at])
         deep = SURFACE_CLEARANCE - distance > TOLERANCE
@@ -78,7 +95,9 @@ def can_guard_natively(positions: Tensor, velocities: Tensor, around: Surroundin
     )
 
 
-def guard_natively(before: Tensor, positions: Tensor, velocities: Tensor, around: Surroundings) -> Guarded:
+def guard_natively(
+    before: Tensor, positions: Tensor, velocities: Tensor, around: Surroundings, last: Look | None
+) -> Guarded:
     """The same by native parts and NumPy, none of which needs a second thread.
 
     Torch's threads wait for each other after each of its many small steps; where others compute beside them that took
@@ -93,7 +112,11 @@ def guard_natively(before: Tensor, positions: Tensor, velocities: Tensor, around
     native.contain(*fluid, *walls)
     if around.surface is None:
         return guarded
-    at = np.arange(len(positions))
+    if last is None:
+        at = np.arange(len(positions))
+    else:
+        looked = (last.places.detach().contiguous().numpy(), last.distance.detach().contiguous().numpy())
+        at = native.within_reach(fluid[0], *looked, SURFACE_CLEARANCE)
     for _ in range(ROUNDS):
         distance, normal = around.distance_and_normal(torch.from_numpy(fluid[0][at]))
         told = (distance.float().numpy(), normal.float().contiguous().numpy())
@@ -104,6 +127,18 @@ def guard_natively(before: Tensor, positions: Tensor, velocities: Tensor, around
     fluid[0][stuck] = before.detach().numpy()[stuck]
     fluid[1][stuck] = 0.0
     return guarded
+
+
+def within_reach(positions: Tensor, last: Look | None) -> Tensor:
+    """Which particles (N,) may have come too close to the solid since the ``last`` look at it.
+
+    No value of a surface is larger than the distance, so what has gone less than that is still outside; a learned
+    surface may exaggerate, and is believed half.
+    """
+    if last is None:
+        return torch.ones(len(positions), dtype=torch.bool, device=positions.device)
+    spare = last.distance.detach() - SURFACE_CLEARANCE
+    return ~(2 * torch.linalg.vector_norm(positions.detach() - last.places.detach(), dim=-1) < spare)
 
 
 def into_container(positions: Tensor, velocities: Tensor, around: Surroundings) -> tuple[Tensor, Tensor, Tensor]:

@@ -12,6 +12,7 @@ from surfsup import native
 from surfsup.model.convolution import CLOSE
 from surfsup.model.correction import LARGEST, POSITION_SHARE
 from surfsup.model.features import CROWDED, DISPLACEMENT_SCALE, REACH, THICKEST, VELOCITY_SCALE
+from surfsup.model.guard import Look
 from surfsup.model.neighbours import blown_up, collapsed, most_edges
 from surfsup.model.network import ConvolutionNetwork
 from surfsup.model.state import FRAME_TIME, State, Surroundings, free_fall_drop, free_fall_lag
@@ -48,8 +49,8 @@ class NativeStep:
         )
 
     @torch.no_grad()
-    def take(self, simulator: Simulator, state: State, around: Surroundings) -> tuple[Tensor, Tensor]:
-        """Positions (N, 3) and velocities (N, 3) one frame later, before the guard.
+    def take(self, simulator: Simulator, state: State, around: Surroundings) -> tuple[Tensor, Tensor, Look]:
+        """Positions (N, 3) and velocities (N, 3) one frame later, before the guard, and where it looked at the solid.
 
         Raises:
             SimulationError: a position is not finite, or the particles have collapsed into a clump.
@@ -69,7 +70,7 @@ class NativeStep:
             raise blown_up()
         if edges > most:
             raise collapsed(radius)
-        return torch.from_numpy(positions), torch.from_numpy(velocities)
+        return torch.from_numpy(positions), torch.from_numpy(velocities), Look(ahead, told[1])
 
     def network_of(self, simulator: Simulator) -> native.Network:
         """The native network of the weights where they are now."""

@@ -12,7 +12,7 @@ from surfsup.model.convolution import Graph, graph, join
 from surfsup.model.correction import POSITION_SHARE, Correction
 from surfsup.model.energy import without_gain
 from surfsup.model.features import ACTIONS, SURROUNDINGS, lag, observe_features
-from surfsup.model.guard import guard
+from surfsup.model.guard import Look, guard
 from surfsup.model.learned_simulator import LearnedSimulator
 from surfsup.model.native_step import NativeStep
 from surfsup.model.neighbours import neighbourhood
@@ -56,6 +56,7 @@ class Observation:
         state: the fluid now.
         ahead: (N, 3) where ballistic motion would take it, metres.
         falling: (N, 3) its velocity there, m/s.
+        distance: (N,) of the solid from there, metres.
         gravity: (3,) or (N, 3), m/s².
         acts: (N, 51), what acts on each particle.
         lie: (N, 8), how its neighbours lie.
@@ -65,6 +66,7 @@ class Observation:
     state: State
     ahead: Tensor
     falling: Tensor
+    distance: Tensor
     gravity: Tensor
     acts: Tensor
     lie: Tensor
@@ -102,7 +104,7 @@ class Simulator(LearnedSimulator[State]):
         distance, normal = around.distance_and_normal(ahead)
         seen = graph(ahead, neighbourhood(ahead, self.architecture.radius), self.architecture.radius)
         acts, lie = observe_features(state, ahead, distance, normal, around, seen)
-        return Observation(state, ahead, falling, around.gravity, acts, lie, seen)
+        return Observation(state, ahead, falling, distance, around.gravity, acts, lie, seen)
 
     def correct(self, seen: Observation) -> Correction:
         """The network's correction to ballistic motion.
@@ -127,14 +129,15 @@ class Simulator(LearnedSimulator[State]):
         wanted, the native step does what :meth:`observe`, :meth:`correct` and :meth:`advance` do, up to rounding.
         """
         if self.native.can_take(state, around, self.network):
-            positions, velocities = self.native.take(self, state, around)
+            positions, velocities, last = self.native.take(self, state, around)
         else:
             seen = self.observe(state, around)
             positions, velocities = self.advance(seen, self.correct(seen))
+            last = Look(seen.ahead, seen.distance)
         positions, velocities = without_gain(state, positions, velocities, around.gravity)
         moved = torch.zeros(len(positions), dtype=torch.bool, device=positions.device)
         if guarded:
-            kept = guard(state.positions, positions, velocities, around)
+            kept = guard(state.positions, positions, velocities, around, last)
             positions, velocities, moved = kept.positions, kept.velocities, kept.moved
         return state.moved_to(positions, velocities), moved
 
@@ -146,6 +149,7 @@ def join_observations(parts: list[Observation]) -> Observation:
         State(*(torch.cat([getattr(state, name) for state in states]) for name in vars(states[0]))),
         torch.cat([part.ahead for part in parts]),
         torch.cat([part.falling for part in parts]),
+        torch.cat([part.distance for part in parts]),
         torch.cat([part.gravity.expand_as(part.ahead) for part in parts]),
         torch.cat([part.acts for part in parts]),
         torch.cat([part.lie for part in parts]),

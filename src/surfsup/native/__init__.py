@@ -15,12 +15,14 @@ if TYPE_CHECKING:
         contain,
         convolve,
         convolve_back,
+        energy_gain,
         find_pairs,
         paths,
         push,
         sample,
         sum_fours,
         sum_fours_back,
+        within_reach,
     )
 else:
     try:
@@ -31,16 +33,18 @@ else:
             contain,
             convolve,
             convolve_back,
+            energy_gain,
             find_pairs,
             paths,
             push,
             sample,
             sum_fours,
             sum_fours_back,
+            within_reach,
         )
     except ImportError:  # the package was installed without a compiler
-        Network = Solid = Triangles = contain = convolve = convolve_back = find_pairs = push = sample = None
-        sum_fours = sum_fours_back = None
+        Network = Solid = Triangles = contain = convolve = convolve_back = energy_gain = find_pairs = push = None
+        sample = sum_fours = sum_fours_back = within_reach = None
 
         def paths() -> list[str]:
             """No instruction set: nothing is native."""
@@ -54,10 +58,12 @@ __all__ = [
     "contain",
     "convolve",
     "convolve_back",
+    "energy_gain",
     "find_pairs",
     "paths",
     "push",
     "sample",
     "sum_fours",
     "sum_fours_back",
+    "within_reach",
 ]

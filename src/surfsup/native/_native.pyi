@@ -22,6 +22,17 @@ def find_pairs(
 def contain(positions: Vectors, velocities: Vectors, moved: np.ndarray, lower: Vector, upper: Vector) -> None:
     """Bring particles (N, 3) between ``lower`` and ``upper``, in place; mark whom that moved in ``moved`` (N,)."""
 
+def energy_gain(
+    positions: Vectors, velocities: Vectors, new_positions: Vectors, new_velocities: Vectors, gravity: Vector
+) -> float:
+    """How much mechanical energy a step adds, mean J/kg; all but ``gravity`` (3,) are (N, 3)."""
+
+def within_reach(positions: Vectors, places: Vectors, distance: Values, clearance: float) -> np.ndarray:
+    """The particles, int64, that may be nearer than ``clearance`` to the solid.
+
+    They were ``distance`` (N,) from it at ``places``; a distance is believed half.
+    """
+
 def push(
     positions: Vectors,
     velocities: Vectors,

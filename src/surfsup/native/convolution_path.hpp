@@ -126,8 +126,9 @@ int64_t within(const Frame& frame, int32_t i, Arena& arena, void* memory, const 
     auto& search = *static_cast<Search*>(memory);
     const int32_t cell = frame.cells.of[i];
     if (cell + 1 != search.cell && !see_cell(frame, cell, search, arena)) return -1;
-    to = search.within.index;
-    return find_within(frame, i, search, frame.constants.radius);
+    if (!find_within(frame, i, frame.constants.radius, 0, search, arena)) return -1;
+    to = search.within[0].index;
+    return search.found[0];
 }
 
 }  // namespace

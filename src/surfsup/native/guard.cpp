@@ -45,4 +45,32 @@ std::vector<int64_t> push(float* positions, float* velocities, bool* moved, cons
     return pushed;
 }
 
+std::vector<int64_t> within_reach(const float* positions, const float* places, const float* distance, int64_t count,
+                                  float clearance) {
+    std::vector<int64_t> found;
+    for (int64_t i = 0; i < count; ++i) {
+        float square = 0;
+        for (int64_t at = 3 * i; at < 3 * i + 3; ++at) square += (positions[at] - places[at]) * (positions[at] - places[at]);
+        const float spare = distance[i] - clearance;
+        // A learned distance may exaggerate, and is believed half; what is no number may be anywhere.
+        if (!(spare > 0 && 4 * square < spare * spare)) found.push_back(i);
+    }
+    return found;
+}
+
+double energy_gain(const float* positions, const float* velocities, const float* new_positions, const float* new_velocities,
+                   int64_t count, const float* gravity) {
+    double gained = 0;
+    for (int64_t i = 0; i < 3 * count; i += 3) {
+        float kinetic = 0, fallen = 0;
+        for (int axis = 0; axis < 3; ++axis) {
+            const float before = velocities[i + axis], after = new_velocities[i + axis];
+            kinetic += 0.5f * (after - before) * (after + before);
+            fallen += (new_positions[i + axis] - positions[i + axis]) * gravity[axis];
+        }
+        gained += kinetic - fallen;
+    }
+    return count ? gained / static_cast<double>(count) : 0;
+}
+
 }  // namespace surfsup

@@ -1,4 +1,4 @@
-// What the guard does to every particle: see guard.py, which asks for the distances.
+// What every step is held to. What the guard does to every particle: see guard.py, which asks for the distances.
 #pragma once
 
 #include <cstdint>
@@ -16,5 +16,13 @@ void contain(float* positions, float* velocities, bool* moved, int64_t count, co
 std::vector<int64_t> push(float* positions, float* velocities, bool* moved, const int64_t* at, int64_t size,
                           const float* distance, const float* normal, const float* lower, const float* upper,
                           float clearance, float tolerance);
+
+// The particles that may be nearer than `clearance` to the solid, `distance` (count) from it as they were at `places`.
+std::vector<int64_t> within_reach(const float* positions, const float* places, const float* distance, int64_t count,
+                                  float clearance);
+
+// How much mechanical energy a step adds, mean J/kg: see energy.py.
+double energy_gain(const float* positions, const float* velocities, const float* new_positions, const float* new_velocities,
+                   int64_t count, const float* gravity);
 
 }  // namespace surfsup

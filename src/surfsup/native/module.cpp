@@ -209,6 +209,22 @@ nb::ndarray<nb::numpy, int64_t, nb::ndim<1>> push(NewVectors positions, NewVecto
                                   distance.data(), normal.data(), lower.data(), upper.data(), clearance, tolerance));
 }
 
+nb::ndarray<nb::numpy, int64_t, nb::ndim<1>> within_reach(Vectors positions, Vectors places, Values distance, float clearance) {
+    const size_t count = positions.shape(0);
+    expect(places.shape(0), count, "places");
+    expect(distance.shape(0), count, "distance");
+    return as_array(surfsup::within_reach(positions.data(), places.data(), distance.data(), static_cast<int64_t>(count), clearance));
+}
+
+double energy_gain(Vectors positions, Vectors velocities, Vectors new_positions, Vectors new_velocities, Vector gravity) {
+    const size_t count = positions.shape(0);
+    expect(velocities.shape(0), count, "velocities");
+    expect(new_positions.shape(0), count, "new_positions");
+    expect(new_velocities.shape(0), count, "new_velocities");
+    return surfsup::energy_gain(positions.data(), velocities.data(), new_positions.data(), new_velocities.data(),
+                                static_cast<int64_t>(count), gravity.data());
+}
+
 void make_triangles(surfsup::Triangles* triangles, Points vertices, Faces faces) {
     new (triangles) surfsup::Triangles(vertices.data(), static_cast<int64_t>(vertices.shape(0)), faces.data(),
                                        static_cast<int64_t>(faces.shape(0)));
@@ -280,6 +296,9 @@ NB_MODULE(_native, module) {
     module.def("contain", contain, array("positions"), array("velocities"), array("moved"), array("lower"), array("upper"));
     module.def("push", push, array("positions"), array("velocities"), array("moved"), array("at"), array("distance"),
                array("normal"), array("lower"), array("upper"), "clearance"_a, "tolerance"_a);
+    module.def("energy_gain", energy_gain, array("positions"), array("velocities"), array("new_positions"),
+               array("new_velocities"), array("gravity"));
+    module.def("within_reach", within_reach, array("positions"), array("places"), array("distance"), "clearance"_a);
     module.def("find_pairs", find_pairs, array("positions"), "radius"_a, "most_edges"_a, "threads"_a);
     module.def("sample", sample, array("table"), "lower"_a, "middle"_a, "cell"_a, "nodes"_a, array("points"),
                array("distance"), array("gradient"), "threads"_a);

@@ -80,18 +80,31 @@ inline void gather(const Edges& edges, const float* hidden, int width, float* to
         }
     }
     kernel = edges.kernels + KERNELS * near;
-    for (int64_t e = 0; e < far; ++e, ++kernel) {
-        const float* from = hidden + static_cast<int64_t>(edges.senders[near + e]) * width;
-        Floats values[VECTORS];
-#pragma GCC unroll 2
-        for (int v = 0; v < VECTORS; ++v) values[v] = load(from + v * LANES);
+    // Two at a time, each to sums of its own: four sums alone would wait for each other's additions.
+    Floats others[4][VECTORS];
 #pragma GCC unroll 4
-        for (int m = 0; m < 4; ++m) {
-            const Floats weight = splat(kernel[m * far]);
+    for (int m = 0; m < 4; ++m)
 #pragma GCC unroll 2
-            for (int v = 0; v < VECTORS; ++v) sums[FAR_KERNELS[m]][v] += weight * values[v];
+        for (int v = 0; v < VECTORS; ++v) others[m][v] = Floats{};
+    const auto add = [&](int64_t e, auto&& sum_of) {
+        const float* from = hidden + static_cast<int64_t>(edges.senders[near + e]) * width;
+#pragma GCC unroll 2
+        for (int v = 0; v < VECTORS; ++v) {
+            const Floats value = load(from + v * LANES);
+#pragma GCC unroll 4
+            for (int m = 0; m < 4; ++m) sum_of(m)[v] += splat(kernel[m * far + e]) * value;
         }
+    };
+    int64_t e = 0;
+    for (; e + 2 <= far; e += 2) {
+        add(e, [&](int m) -> Floats(&)[VECTORS] { return sums[FAR_KERNELS[m]]; });
+        add(e + 1, [&](int m) -> Floats(&)[VECTORS] { return others[m]; });
     }
+    if (e < far) add(e, [&](int m) -> Floats(&)[VECTORS] { return others[m]; });
+#pragma GCC unroll 4
+    for (int m = 0; m < 4; ++m)
+#pragma GCC unroll 2
+        for (int v = 0; v < VECTORS; ++v) sums[FAR_KERNELS[m]][v] += others[m][v];
 #pragma GCC unroll 8
     for (int m = 0; m < KERNELS; ++m)
 #pragma GCC unroll 2
@@ -120,12 +133,13 @@ inline bool make_room(Arena& arena, int64_t count, Places& places) {
     return memory != nullptr;
 }
 
-// What a thread needs to look for neighbours: all that is in the 27 cells around one, those of it within the radius,
-// and these again, near ones first.
+// What a thread needs to look for neighbours: all that is in the 27 cells around one, and for each row of a block those of
+// it within the radius, and these again, near ones first.
 struct Search {
     int32_t cell = 0;  // that was seen last, counted from one
     int64_t count = 0, room = 0;
-    Places candidates{}, within{}, sorted{};
+    Places candidates{}, within[ROWS]{}, sorted[ROWS]{};
+    int64_t found[ROWS]{}, near[ROWS]{}, row_room[ROWS]{};
 };
 
 // Copies what is in the cells around `cell`, filled up to whole vectors by what is infinitely far.
@@ -139,23 +153,24 @@ inline bool see_cell(const Frame& frame, int32_t cell, Search& search, Arena& ar
     int ranges = 0;
     search.cell = cell + 1;
     search.count = 0;
-    for (int dx = -1; dx <= 1; ++dx)
-        for (int dy = -1; dy <= 1; ++dy)
-            for (int dz = -1; dz <= 1; ++dz) {
-                const int32_t number =
-                    number_along(wrapped(x + dx, TILE * tiles[0]), tiles[1] * tiles[2], TILE * TILE) +
-                    number_along(wrapped(y + dy, TILE * tiles[1]), tiles[2], TILE) +
-                    number_along(wrapped(z + dz, TILE * tiles[2]), 1, 1);
-                const int32_t first = cells.first[number], last = cells.first[number + 1];
-                if (first == last) continue;
-                begin[ranges] = first, end[ranges++] = last;
+    int32_t along_x[3], along_y[3], along_z[3];
+    for (int d = 0; d < 3; ++d) {
+        along_x[d] = number_along(wrapped(x + d - 1, TILE * tiles[0]), tiles[1] * tiles[2], TILE * TILE);
+        along_y[d] = number_along(wrapped(y + d - 1, TILE * tiles[1]), tiles[2], TILE);
+        along_z[d] = number_along(wrapped(z + d - 1, TILE * tiles[2]), 1, 1);
+    }
+    for (const int32_t at_x : along_x)
+        for (const int32_t at_y : along_y)
+            for (const int32_t at_z : along_z) {
+                const int32_t number = at_x + at_y + at_z, first = cells.first[number], last = cells.first[number + 1];
+                // Which cells are empty cannot be foretold: without a branch, the next one takes the place.
+                begin[ranges] = first, end[ranges] = last;
+                ranges += first != last;
                 search.count += last - first;
             }
     if (search.count > search.room || search.room == 0) {
         search.room = 2 * search.count + 1;
-        if (!make_room(arena, search.room, search.candidates) || !make_room(arena, search.room, search.within) ||
-            !make_room(arena, search.room, search.sorted))
-            return false;
+        if (!make_room(arena, search.room, search.candidates)) return false;
     }
     const Places& to = search.candidates;
     int64_t at = 0;
@@ -186,7 +201,7 @@ inline void kernels_of(const Frame& frame, const Places& edges, int64_t first, i
         const Floats distance = square_root(x * x + y * y + z * z);
         const Floats wide = at_least(1.0f - distance, 0.0f);
         const Floats close = at_least(1.0f - distance * to_close, 0.0f);
-        const Floats inverse = 1.0f / at_least(distance, 1e-6f);
+        const Floats inverse = reciprocal(at_least(distance, 1e-6f));
         const Floats along_wide = wide * inverse, along_close = close * inverse;
         const Floats all[KERNELS] = {
             wide * wide,    close * close,   along_wide * x,  along_wide * y,
@@ -198,8 +213,13 @@ inline void kernels_of(const Frame& frame, const Places& edges, int64_t first, i
     }
 }
 
-// Lists what is within `radius` of a sorted particle, among the candidates; how many.
-inline int64_t find_within(const Frame& frame, int32_t i, const Search& search, float radius) {
+// Finds for a row what is within `radius` of a sorted particle, among the candidates; whether there was memory.
+inline bool find_within(const Frame& frame, int32_t i, float radius, int row, Search& search, Arena& arena) {
+    if (search.row_room[row] < search.room) {
+        search.row_room[row] = search.room;
+        if (!make_room(arena, search.room, search.within[row]) || !make_room(arena, search.room, search.sorted[row]))
+            return false;
+    }
     const Floats px = splat(frame.x[i]), py = splat(frame.y[i]), pz = splat(frame.z[i]);
     int64_t found = 0;
     for (int64_t k = 0; k < search.count; k += LANES) {
@@ -207,20 +227,21 @@ inline int64_t find_within(const Frame& frame, int32_t i, const Search& search, 
         const Floats z = load(search.candidates.z + k) - pz;
         const Ints index = load_ints(search.candidates.index + k);
         const Ints within = (x * x + y * y + z * z <= radius * radius) & (index != i);
-        found = append(search.within, found, within, x, y, z, index);
+        found = append(search.within[row], found, within, x, y, z, index);
     }
-    return found;
+    search.found[row] = found;
+    return true;
 }
 
-// Finds the neighbours of a sorted particle and their kernels.
-inline bool find_edges(const Frame& frame, int32_t i, const Search& search, Arena& arena) {
-    const float radius = frame.constants.radius, close = radius * frame.constants.close;
-    const int64_t edges = find_within(frame, i, search, radius);
-    const Places &all = search.within, &sorted = search.sorted;
+// Brings what was found for a row into order, near ones first.
+inline void sort_edges(const Frame& frame, int row, Search& search) {
+    const float close = frame.constants.radius * frame.constants.close;
+    const int64_t edges = search.found[row];
+    const Places &all = search.within[row], &sorted = search.sorted[row];
     Ints lane;
 #pragma GCC unroll 16
     for (int l = 0; l < LANES; ++l) lane[l] = l;
-    int64_t nears = 0, length = 0;
+    int64_t length = 0;
     for (int which = 0; which < 2; ++which) {
         for (int64_t e = 0; e < edges; e += LANES) {
             const Floats x = load(all.x + e), y = load(all.y + e), z = load(all.z + e);
@@ -228,8 +249,14 @@ inline bool find_edges(const Frame& frame, int32_t i, const Search& search, Aren
             const Ints valid = lane < static_cast<int32_t>(edges - e < LANES ? edges - e : LANES);
             length = append(sorted, length, valid & (which == 0 ? near : ~near), x, y, z, load_ints(all.index + e));
         }
-        if (which == 0) nears = length;
+        if (which == 0) search.near[row] = length;
     }
+}
+
+// The neighbours of a sorted particle, which is a row of the search, and their kernels.
+inline bool keep_edges(const Frame& frame, int32_t i, int row, const Search& search, Arena& arena) {
+    const Places& sorted = search.sorted[row];
+    const int64_t edges = search.found[row], nears = search.near[row];
     const int64_t fars = edges - nears, floats = KERNELS * nears + 4 * fars;
     auto* memory = static_cast<float*>(take(arena, 4 * (floats + edges)));
     if (!memory) return false;
@@ -316,7 +343,8 @@ inline void observe(const Frame& frame, int32_t i, float* acts, float* lie) {
 // How many particles before its turn what a particle needs is fetched: first its neighbours and their kernels, then what
 // these say. Its addresses are known too late for the processor to do that by itself.
 constexpr int32_t EDGES_AHEAD = 3, HIDDEN_AHEAD = 1, CALLER_AHEAD = 12;
-constexpr int64_t FETCHED = 64;  // bytes
+constexpr int64_t FETCHED = 64;         // bytes
+constexpr int64_t CACHED = 1024 * 1024;  // bytes of hidden states up to which they are near anyway
 
 // GCC takes a function that only fetches for one that does nothing, and leaves out its calls; so these are none.
 #define ALWAYS_INLINE inline __attribute__((always_inline))
@@ -359,10 +387,15 @@ int64_t look(const Frame& frame, int32_t begin, int32_t end, Arena& arena, float
             const int32_t i = block + row, cell = frame.cells.of[i];
             fetch_caller(frame, i);
             if (cell + 1 != search.cell && !see_cell(frame, cell, search, arena)) return -1;
-            if (!find_edges(frame, i, search, arena)) return -1;
-            edges += frame.edges[i].all;
-            observe(frame, i, acts + row * ROW, lie + row * KERNELS);
+            if (!find_within(frame, i, frame.constants.radius, row, search, arena)) return -1;
         }
+        // One thing after the other for all rows: what has only just been written piece by piece cannot be read at once.
+        for (int row = 0; row < here; ++row) sort_edges(frame, row, search);
+        for (int row = 0; row < here; ++row) {
+            if (!keep_edges(frame, block + row, row, search, arena)) return -1;
+            edges += search.found[row];
+        }
+        for (int row = 0; row < here; ++row) observe(frame, block + row, acts + row * ROW, lie + row * KERNELS);
         for (int row = 0; row < here; ++row)
             for (float* limited = acts + row * ROW; limited < acts + row * ROW + LIMITED_ROOM; limited += LANES)
                 store(limited, soft_limit(load(limited)));
@@ -433,14 +466,14 @@ void layer(const Frame& frame, int number, int32_t begin, int32_t end, float* sc
     const float* out = w.out + static_cast<int64_t>(number) * width * width;
     const float* hidden = frame.hidden[number % 2];
     float* next = frame.hidden[1 - number % 2];
-    const bool last = number == w.layers - 1;
+    const bool last = number == w.layers - 1, fetches = static_cast<int64_t>(frame.count) * width * 4 > CACHED;
     float *sums = scratch, *one = sums + ROWS * depth, *rest = one + ROWS * width;
     for (int32_t block = begin; block < end; block += ROWS) {
         const int here = end - block < ROWS ? end - block : ROWS;
         for (int row = 0; row < here; ++row) {
             const Edges& edges = frame.edges[block + row];
             float* to = sums + static_cast<int64_t>(row) * depth;
-            fetch_ahead(frame, block + row, hidden, width, messages);
+            if (fetches) fetch_ahead(frame, block + row, hidden, width, messages);
             int column = 0;
             for (; column + GATHERED * LANES <= messages; column += GATHERED * LANES)
                 gather<GATHERED>(edges, hidden + column, width, to + column, messages);
