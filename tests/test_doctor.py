@@ -6,7 +6,8 @@ from surfsup.viewing import graphics
 def test_everything_is_looked_at_and_what_is_fine_needs_no_remedy():
     findings = doctor.examine()
     assert [finding.what for finding in findings] == [
-        "Python", "torch", "native step", "processor", "models", "pictures", "reference solver", "disk",
+        "Python", "torch", "native step", "processor", "models", "neural surfaces", "pictures",
+        "reference solver", "disk",
     ]  # fmt: skip
     assert all(not finding.remedy for finding in findings if finding.fine)
 
