@@ -53,7 +53,15 @@ def test_the_same_seed_gives_the_same_weights_and_going_on_is_as_if_it_had_not_s
 def test_another_fit_is_not_gone_on_with(ball_target, tmp_path):
     run(fit_of(ball_target, tmp_path, steps=2))
     with pytest.raises(InputError, match="belongs to a fit with other options"):
-        fit_of(ball_target, tmp_path, steps=3).resume()
+        fit_of(ball_target, tmp_path, steps=3, learning_rate=1e-4).resume()
+
+
+def test_a_fit_that_is_done_goes_on_when_more_steps_are_asked_for(ball_target, tmp_path):
+    run(fit_of(ball_target, tmp_path, steps=4))
+    longer = fit_of(ball_target, tmp_path, steps=6)
+    longer.resume()
+    run(longer)
+    assert longer.step == 6
 
 
 def test_a_fit_that_diverges_stops_says_so_and_keeps_the_best(ball_target, tmp_path):

@@ -142,14 +142,17 @@ class Fit(ABC):
         self.files.save(Checkpoint(tensors, counters, self.config.model_dump_json()))
 
     def resume(self) -> None:
-        """Go on from the checkpoint in the folder.
+        """Go on from the checkpoint in the folder; ``steps`` alone may be others than those that it was begun with.
+
+        With more steps the learning rate is from then on that of the longer fit at this step.
 
         Raises:
             InputError: there is none, it is cut off, or it belongs to other options or another input.
         """
         checkpoint = self.files.load()
         try:
-            same = type(self.config).model_validate_json(checkpoint.config) == self.config
+            begun = type(self.config).model_validate_json(checkpoint.config)
+            same = begun.model_copy(update={"steps": self.config.steps}) == self.config
         except ValidationError:
             same = False
         if not same:
