@@ -115,8 +115,17 @@ class TrajectoryWriter:
     Use as a context manager: leaving it, also by an error or an interrupt, leaves a readable file.
     """
 
-    def __init__(self, path: Path, scene: Scene, provenance: Provenance, particles: int) -> None:
+    def __init__(
+        self, path: Path, scene: Scene, provenance: Provenance, particles: int, within: Path | None = None
+    ) -> None:
         """Create ``path`` for a trajectory of ``scene`` with that many particles.
+
+        Args:
+            path: of the file; one that is there is replaced.
+            scene: that it is of.
+            provenance: what makes it.
+            particles: how many.
+            within: the folder around it that may be moved as a whole, its own unless given.
 
         Raises:
             InputError: the file cannot be written.
@@ -130,7 +139,7 @@ class TrajectoryWriter:
             raise InputError(f"{path}: cannot be written ({reason})") from None
         self._file.attrs.update(
             {
-                "scene": scene.with_files_from(path.parent).to_yaml(),
+                "scene": scene.with_files_from(path.parent, within).to_yaml(),
                 "frame_time": FRAME_TIME,
                 "radius": PARTICLE_RADIUS,
                 "model": provenance.model,

@@ -142,6 +142,7 @@ def test_files_in_a_scenes_own_folder_are_named_from_there(tmp_path):
     assert moved.surface.mesh.file == Path("surfaces/a.obj")
     assert moved.with_files_from(tmp_path).surface == moved.surface
     assert moved.with_files_from(tmp_path / "deeper").surface.mesh.file == tmp_path / "surfaces" / "a.obj"
+    assert moved.with_files_from(tmp_path / "deeper", tmp_path).surface.mesh.file == Path("../surfaces/a.obj")
 
 
 def test_a_missing_mesh_is_named_where_it_was_looked_for(tmp_path):

@@ -109,7 +109,7 @@ def is_there(home: Path, original: Path, axis: int) -> bool:
     if not path.exists():
         return False
     with Trajectory(path) as found, Trajectory(original) as truth:
-        wanted = moved_scene(truth, axis).with_files_from(home)
+        wanted = moved_scene(truth, axis).with_files_from(home, original.parent)
         if found.scene.to_yaml() != wanted.to_yaml() or len(found) != len(truth):
             raise InputError(f"{path}: is not {original.name} run again; move it away")
     return True
@@ -152,7 +152,7 @@ def run_again(original: Path, axis: int) -> float | None:
     def write(run: Run) -> None:
         with (
             whole_file(target) as path,
-            TrajectoryWriter(path, run.scene, Provenance(solver.NAME), run.particles) as writer,
+            TrajectoryWriter(path, run.scene, Provenance(solver.NAME), run.particles, original.parent) as writer,
         ):
             for positions, velocities in while_wanted(iter(run)):
                 writer.append(positions, velocities)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import numpy as np
@@ -90,20 +91,24 @@ class Scene(Description):
         data = self.model_dump(mode="json", exclude_defaults=True)
         return yaml.safe_dump(data, sort_keys=False, default_flow_style=None)
 
-    def with_files_from(self, folder: Path) -> Scene:
+    def with_files_from(self, folder: Path, within: Path | None = None) -> Scene:
         """The same scene for a file in ``folder``: files that lie in it are named from there, all others absolutely.
 
         Shipped surfaces keep their names. So a folder that holds scenes and what they need can be moved as a whole.
+
+        Args:
+            folder: of the file.
+            within: the larger folder that is moved as a whole, where ``folder`` is only a part of it.
         """
         if self.surface is None:
             return self
-        root = folder.resolve()
+        here, root = folder.resolve(), (within or folder).resolve()
 
         def rename(file: Path) -> Path:
             if is_shipped(file):
                 return file
             absolute = (self._folder / file).resolve()
-            return absolute.relative_to(root) if absolute.is_relative_to(root) else absolute
+            return Path(os.path.relpath(absolute, here)) if absolute.is_relative_to(root) else absolute
 
         moved = self.model_copy(update={"surface": self.surface.with_files(rename)})
         moved._folder = folder
