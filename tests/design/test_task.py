@@ -27,7 +27,7 @@ def ball_task(height=0.15, **changes) -> Task:
 
 def run_of(task, simulator, folder, **more) -> DesignRun:
     folder.mkdir(exist_ok=True)
-    return DesignRun(task, folder, simulator, "first", **more)
+    return DesignRun(task, folder, simulator, "fast", **more)
 
 
 def climb(run: DesignRun, most: int = 10**9) -> DesignRun:
@@ -121,7 +121,7 @@ class TestWhatCannotBeDesignedIsToldInOneLine:
             (("bucket", None), "there is no design 'bucket'; there are bowl, funnel and latent"),
             (("bowl", ["0.1"]), "give two radii in metres"),
             (("bowl", ["0.1,wide"]), "give two radii in metres"),
-            (("latent", None), "give --deepsdf FILE"),
+            (("latent", None), "choose one by its name"),
             (("latent", ["0.1,0.2"]), "--start is of bowl and funnel"),
         ],
     )

@@ -21,12 +21,14 @@ def design(
     start: Annotated[
         list[str] | None, typer.Option(help="Start with R1,R2 in metres; repeated, each start gets a folder.")
     ] = None,
-    deepsdf: Annotated[Path | None, typer.Option(help="Of latent: the network of `surfsup fit deepsdf`.")] = None,
+    deepsdf: Annotated[
+        Path | None, typer.Option(help="Of latent: a network of `surfsup fit deepsdf`; the shipped chairs.")
+    ] = None,
     shape: Annotated[str | None, typer.Option("--shape", help="Of latent: the shape to start with.")] = None,
-    iterations: Annotated[int, typer.Option(min=1, help="Steps uphill.")] = 100,
+    iterations: Annotated[int, typer.Option(min=1, help="Steps uphill, at most.")] = 100,
     frames: Annotated[int | None, typer.Option(min=1, help="Frames of a rollout; 50, of the funnel 75.")] = None,
     smooth: Annotated[
-        float | None, typer.Option(min=0, help="Metres by which the water's start is moved at random; funnel 0.005.")
+        float | None, typer.Option(min=0, help="Metres by which the water's start is moved at random, each time anew.")
     ] = None,
     model: Model = None,
     seed: Seed = 0,
@@ -72,12 +74,15 @@ def finish(run: DesignRun, rivals: bool, no_proof: bool, no_video: bool) -> None
     """Write figure, shapes, verdict and video of a finished run, and say what came of it."""
     from surfsup.design.figure import draw_runs
     from surfsup.design.film import write_film
+    from surfsup.design.run import PATIENCE
     from surfsup.design.shape_files import write_shape
     from surfsup.design.task import told
     from surfsup.design.verdict import compare_rivals, prove
 
     folder, best = run.folder, run.designs[run.best]
     typer.echo(f"{run.task.name}: reward {run.rewards[0]:.4f} at {told(run.designs[0])}")
+    if run.settled:
+        typer.echo(f"  settled after {len(run.rewards)} designs: the last {PATIENCE} gained nothing")
     typer.echo(f"  best  {run.rewards[run.best]:.4f} at {told(best)}, iteration {run.best}")
     typer.echo(f"  last  {run.rewards[-1]:.4f} at {told(run.designs[-1])}")
     if (remedy := run.remedy()) is not None:

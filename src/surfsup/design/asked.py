@@ -10,6 +10,7 @@ from surfsup.design.paper.funnel import funnel
 from surfsup.design.task import Task
 from surfsup.errors import InputError
 
+CHAIRS = "chairs"  # the shipped network of chairs
 VESSELS: dict[str, Callable[..., Task]] = {"bowl": bowl, "funnel": funnel}
 
 
@@ -28,11 +29,11 @@ def asked_tasks(
         out: the output folder.
         starts: each "R1,R2" in metres; the paper's where there are none.
         frames: of a rollout; the paper's where it is None.
-        deepsdf: of latent, the network's file.
+        deepsdf: of latent, the network's file; the shipped chairs where it is None.
         shape: of latent, the shape to start with.
 
     Raises:
-        InputError: there is no such task, a start is not two numbers, or what latent needs is missing.
+        InputError: there is no such task, a start is not two numbers, or latent has no such file or shape.
     """
     horizon = {} if frames is None else {"frames": frames}
     if name == "latent":
@@ -40,9 +41,7 @@ def asked_tasks(
 
         if starts:
             raise InputError("--start is of bowl and funnel; a latent design starts with --shape")
-        if deepsdf is None:
-            raise InputError("a latent design needs the network of a set of shapes: give --deepsdf FILE")
-        return [(out, latent(deepsdf, shape, **horizon))]
+        return [(out, latent(deepsdf or Path(CHAIRS), shape, **horizon))]
     if name not in VESSELS:
         raise InputError(f"there is no design '{name}'; there are {', '.join(VESSELS)} and latent")
     if deepsdf is not None or shape is not None:

@@ -25,6 +25,7 @@ class Parameter:
             parameters listed before it.
         step: about how far the first iterations move it, in its own units; the last ones move it less.
         keeps: a value that it keeps once it has reached it, such as the 0 of a hole that has closed.
+        reach: how near to that value counts as reached, in its own units.
     """
 
     start: Numbers
@@ -32,6 +33,7 @@ class Parameter:
     upper: Bound
     step: float
     keeps: float | None = None
+    reach: float = 0.0
 
 
 def starts(parameters: Mapping[str, Parameter]) -> dict[str, Tensor]:

@@ -17,13 +17,17 @@ from torch import Tensor
 from surfsup.design.ascent import Ascent
 from surfsup.design.parameter import Values, starts
 from surfsup.design.reward import Outcome
+from surfsup.design.rollout import Water
 from surfsup.design.task import Task, told
+from surfsup.design.trust import Trust
 from surfsup.errors import InputError, SimulationError
 from surfsup.model.simulator import Simulator
 from surfsup.training.checkpoint import Checkpoint, CheckpointFiles
 from surfsup.training.run import part_of
 
 SECONDS_A_SAVE = 5.0
+PATIENCE = 25  # iterations without gain after which a run ends
+HARDLY = 1e-3  # of all that was gained: less is no gain
 OFTEN = 0.1  # share of iterations with a cut gradient from which a remedy is offered
 
 
@@ -53,7 +57,10 @@ class DesignRun:
         simulator, model: that tells where the water goes, and its name.
         ascent: the design now.
         rewards: of every design looked at, the start first; after the last iteration that of the last design too.
-        designs: their values, each an array (T, ...) by name, as a list of one dictionary a design.
+        designs: their values by name, one dictionary a design.
+        trust: what the gradients have been worth.
+        simulations: so far, those by which slopes were measured among them.
+        found_after: how many there had been when each design was looked at.
         seconds: of computing.
         work: of one processor, in seconds.
     """
@@ -92,15 +99,26 @@ class DesignRun:
         self.seed = seed
         self.start = starts(task.parameters)
         self.ascent = Ascent(task.parameters, self.start, iterations)
+        self.trust = Trust()
         self.rewards: list[float] = []
         self.designs: list[dict[str, Tensor]] = []
+        self.found_after: list[int] = []
+        self.simulations = 0
         self.seconds = self.work = 0.0
         self.files = CheckpointFiles(folder)
 
     @property
     def done(self) -> bool:
-        """Whether every iteration was taken and the last design looked at."""
-        return len(self.rewards) > self.ascent.iterations
+        """Whether every iteration was taken and the last design looked at, or nothing is gained any more."""
+        return len(self.rewards) > self.ascent.iterations or self.settled
+
+    @property
+    def settled(self) -> bool:
+        """Whether the last iterations brought the best reward forward by no share worth mentioning."""
+        if len(self.rewards) <= PATIENCE:
+            return False
+        best = max(self.rewards)
+        return best - max(self.rewards[:-PATIENCE]) <= HARDLY * (best - self.rewards[0])
 
     @property
     def best(self) -> int:
@@ -148,9 +166,29 @@ class DesignRun:
             self.note(reward, values)
             return
         reward = self.task.score(self.task.simulate(self.simulator, values, water))
-        gradients = self.gradients(reward)
+        slope = self.ascent.coordinates.slope(self.gradients(reward))
         self.note(reward, values)
-        self.ascent.take(gradients)
+        reward_now, gained, leap = self.rewards[-1], max(self.rewards) - self.rewards[0], None
+        reliable = self.trust.weigh(self.ascent, slope, reward_now, gained)
+        if self.trust.doubted:
+            random = np.random.default_rng([self.seed, self.ascent.iteration, 1])
+            told_by = self.trust.measured(self.ascent, slope, reward_now, self.plain_reward(water), random)
+            slope, leap, reliable = told_by.slope, told_by.leap, True
+        self.ascent.take(slope, reliable, leap)
+
+    def plain_reward(self, water: Water) -> Callable[[Tensor], float | None]:
+        """The reward at a place of the ascent, by a rollout without a way back; each one counts as a simulation."""
+
+        def score(place: Tensor) -> float | None:
+            self.simulations += 1
+            values = self.ascent.coordinates.values(place)
+            try:
+                with torch.no_grad():
+                    return float(self.task.score(self.task.simulate(self.simulator, values, water)))
+            except (InputError, SimulationError):
+                return None
+
+        return score
 
     def gradients(self, reward: Tensor) -> dict[str, Tensor]:
         """Of the reward in every value.
@@ -174,7 +212,9 @@ class DesignRun:
         return gradients
 
     def note(self, reward: Tensor, values: Values) -> None:
-        """Keep a design and its reward."""
+        """Keep a design and its reward, and after how many simulations it was found."""
+        self.simulations += 1
+        self.found_after.append(self.simulations)
         self.designs.append({name: value.detach().clone() for name, value in values.items()})
         self.rewards.append(float(reward.detach()))
 
@@ -222,13 +262,23 @@ class DesignRun:
             InputError: the disk is full or not writable.
         """
         ascent, tensors = self.ascent, {}
-        for part in ("values", "mean", "square"):
-            tensors |= {f"{part}.{name}": value.detach() for name, value in getattr(ascent, part).items()}
+        tensors |= {f"values.{name}": value.detach() for name, value in ascent.values.items()}
+        tensors |= {f"ascent.{name}": value for name, value in ascent.memory.items()}
+        tensors |= {f"trust.{name}": value for name, value in self.trust.memory.items()}
         for name in self.start:
             tensors[f"designs.{name}"] = torch.stack([design[name] for design in self.designs])
         tensors["rewards"] = torch.tensor(self.rewards, dtype=torch.float64)
         tensors["lengths"] = torch.tensor(ascent.lengths, dtype=torch.float64)
-        counters = {"iteration": ascent.iteration, "cut": ascent.cut, "seconds": self.seconds, "work": self.work}
+        tensors["found_after"] = torch.tensor(self.found_after)
+        counters = {
+            "iteration": ascent.iteration,
+            "cut": ascent.cut,
+            "doubted": int(self.trust.doubted),
+            "broken": self.trust.broken,
+            "simulations": self.simulations,
+            "seconds": self.seconds,
+            "work": self.work,
+        }
         self.files.save(Checkpoint(tensors, counters, self.config()))
         self.write_summary()
 
@@ -237,6 +287,8 @@ class DesignRun:
         summary = {
             **json.loads(self.config()),
             "iterations_done": self.ascent.iteration,
+            "simulations": self.simulations,
+            "settled": self.settled,
             "seconds": round(self.seconds, 1),
             "processor_seconds": round(self.work, 1),
             "gradients_cut": self.ascent.cut,
@@ -275,9 +327,12 @@ class DesignRun:
             tensors, counters, ascent = checkpoint.tensors, checkpoint.counters, self.ascent
             ascent.values = {name: value.requires_grad_() for name, value in part_of(tensors, "values.").items()}
             ascent.values = {name: ascent.values[name] for name in self.start}
-            ascent.mean, ascent.square = part_of(tensors, "mean."), part_of(tensors, "square.")
+            ascent.memory = {name: tensors[f"ascent.{name}"] for name in ascent.memory}
+            self.trust.memory = part_of(tensors, "trust.")
+            self.trust.doubted, self.trust.broken = bool(counters["doubted"]), counters["broken"]
             ascent.iteration, ascent.cut = counters["iteration"], counters["cut"]
             ascent.lengths, self.rewards = tensors["lengths"].tolist(), tensors["rewards"].tolist()
+            self.found_after, self.simulations = tensors["found_after"].tolist(), counters["simulations"]
             columns = part_of(tensors, "designs.")
             self.designs = [{name: columns[name][number] for name in self.start} for number in range(len(self.rewards))]
             self.seconds, self.work = counters["seconds"], counters["work"]
