@@ -33,6 +33,8 @@ class NativeStep:
 
     def __init__(self, path: str | None = None) -> None:
         self.path = path or next(iter(native.paths()), "")
+        self.of: ConvolutionNetwork | None = None
+        self.weights: list[Tensor] = []  # of that network; to walk through its modules takes longer than the guard
         self.network: native.Network | None = None
         self.made_of: list[int] = []  # where the weights lay; the network keeps that memory from being given to others
 
@@ -74,9 +76,11 @@ class NativeStep:
 
     def network_of(self, simulator: Simulator) -> native.Network:
         """The native network of the weights where they are now."""
-        weights = [weight.data_ptr() for weight in simulator.network.parameters()]
-        if self.network is None or weights != self.made_of:
-            self.network, self.made_of = native_network(simulator), weights
+        if self.of is not simulator.network:
+            self.of, self.weights = simulator.network, list(simulator.network.parameters())
+        where = [weight.data_ptr() for weight in self.weights]
+        if self.network is None or where != self.made_of:
+            self.network, self.made_of = native_network(simulator), where
         return self.network
 
 
