@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
 COLOURS = ("tab:blue", "tab:orange", "tab:green", "tab:red", "tab:purple", "tab:brown")
 STYLES = ("-", "--", ":", "-.", (0, (5, 1)), (0, (1, 1)))
+NEAREST = 1e-4  # share left to gain that a figure of searches still shows
 MOST_CURVES = len(COLOURS)
 
 
@@ -54,15 +55,22 @@ def draw_runs(runs: Sequence[DesignRun], path: Path) -> Path:
 
 
 def draw_rivals(best_so_far: Mapping[str, Sequence[float]], title: str, path: Path) -> Path:
-    """The best reward so far over the simulations, one curve a method; returns the PNG's path."""
+    """How far the best reward so far is from the best of all, over the simulations, one curve a method; returns the
+    PNG's path. A share of 1 is where the worst of the curves begins.
+    """
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(6.4, 3.6), layout="constrained", dpi=130)
     axes = figure.subplots()
+    top = max(curve[-1] for curve in best_so_far.values())
+    range_ = max(top - min(curve[0] for curve in best_so_far.values()), 1e-30)
     for colour, (name, curve) in zip(COLOURS, best_so_far.items(), strict=False):
-        axes.plot(np.arange(1, len(curve) + 1), curve, color=colour, label=name)
+        short = np.maximum((top - np.asarray(curve)) / range_, NEAREST)
+        axes.step(np.arange(1, len(curve) + 1), short, where="post", color=colour, label=name)
+    axes.set_yscale("log")
+    axes.set_ylim(NEAREST / 1.3, 1.3)
     axes.set_xlabel("simulations")
-    axes.set_ylabel("best reward so far")
+    axes.set_ylabel("share that is left to gain")
     axes.set_title(title)
     axes.legend(frameon=False)
     tidy(axes)

@@ -1,0 +1,34 @@
+"""Nine parameters by gradient, beside CMA-ES and random search with as many simulations: the balls of
+`examples/deflectors.py`.
+
+    python benchmarks/design_searches.py [-o out/deflectors] [--iterations 60]
+
+Goes on with the design in that folder, such as the example's own; what came of it stays there as ``rivals.json`` and
+``rivals.png``. `surfsup design ... --rivals` does the same for the designs of the paper.
+"""
+
+from __future__ import annotations
+
+import argparse
+import runpy
+from pathlib import Path
+
+from surfsup.design import optimise
+from surfsup.design.verdict import compare_rivals
+
+EXAMPLE = Path(__file__).parent.parent / "examples" / "deflectors.py"
+
+
+def main() -> None:
+    """Design where that is not done, and search."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("-o", "--out", type=Path, default=Path("out/deflectors"))
+    parser.add_argument("--iterations", type=int, default=60)
+    arguments = parser.parse_args()
+    task, begun = runpy.run_path(str(EXAMPLE))["task"], (arguments.out / "design.json").exists()
+    run = optimise(task, arguments.out, arguments.iterations, resume=begun)
+    print(compare_rivals(run, with_solver=False, tell=lambda done, total: None))
+
+
+if __name__ == "__main__":
+    main()
