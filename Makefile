@@ -45,7 +45,7 @@ WEIGHTS_DATA = --data data/train --data data/assorted-train --data data/tanks-tr
 
 # The surfaces that ship: see the cards in src/surfsup/surfaces. What is done is kept, so it can be started again.
 surfaces: setup
-	.venv/bin/surfsup fit siren coral -o runs/surfaces/coral.safetensors steps=8000 $(call again,coral)
+	.venv/bin/surfsup fit siren coral -o runs/surfaces/coral.safetensors steps=9000 $(call again,coral)
 	.venv/bin/surfsup fit deepsdf chairs --shapes 500 -o runs/surfaces/chairs.safetensors $(call again,chairs)
 	.venv/bin/surfsup fit deepsdf bowls --shapes 200 -o runs/surfaces/bowls.safetensors width=96 layers=4 code=8 \
 		steps=8000 $(call again,bowls)

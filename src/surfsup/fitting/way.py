@@ -19,7 +19,7 @@ from surfsup.fitting.interpolate import RESOLUTION, Between, solid_between
 from surfsup.sdf.deepsdf import DeepSdf
 
 RELUCTANCE = 3.0  # a hop costs its length to this power: several short ones rather than a long one
-LOOKS = 2  # for each step that is asked for, places on the way that are looked at
+LOOKS = (2, 4, 8)  # for each step that is asked for, places on the way that are looked at; more where these are too few
 
 
 def whole_way(shapes: DeepSdf, first: str, second: str, steps: int, resolution: int = RESOLUTION) -> Iterator[Between]:
@@ -44,8 +44,11 @@ def whole_way(shapes: DeepSdf, first: str, second: str, steps: int, resolution: 
                 f"{shapes.source}: '{shapes.names[number]}' is itself no single closed mesh; choose another shape"
             )
     path = path_of(shapes, ends[0], ends[1], known, resolution)
-    found = along(shapes, path, LOOKS * steps, known, resolution)
-    if len(found) < steps:
+    for looks in LOOKS:
+        found = along(shapes, path, looks * steps, known, resolution)
+        if len(found) >= steps:
+            break
+    else:
         raise InputError(
             f"{shapes.source}: only {len(found)} whole solids were found from '{first}' to '{second}'; give fewer steps"
         )
