@@ -3,13 +3,14 @@
 PYTHON ?=
 export PYTHON
 
-.PHONY: help demo test bench weights surfaces setup clean
+.PHONY: help demo test bench weights surfaces design setup clean
 help:
 	@echo "make demo    water on a knot: a page and a video in out/demo"
 	@echo "make test    the linter and all tests"
 	@echo "make bench   the default model's speed beside the solver's, its growth, its pool at rest; half an hour, alone"
 	@echo "make weights train the shipped model anew: data by the solver, then two runs; hours"
 	@echo "make surfaces fit the shipped neural surfaces anew: coral, chairs, bowls; half an hour, can be started again"
+	@echo "make design  the bowl, the funnel, the chair that holds water and the three balls, in out/design; half an hour"
 	@echo "make setup   only what these two need: .venv and the system libraries"
 	@echo "make clean   remove .venv and what demo and tests left"
 
@@ -52,6 +53,14 @@ surfaces: setup
 	cp runs/surfaces/*.safetensors src/surfsup/surfaces/
 
 again = $(if $(wildcard runs/surfaces/$(1).fit/checkpoint.safetensors),--resume)
+
+# A design that is there already is gone on with; one that is finished is only looked at again.
+design: setup
+	.venv/bin/surfsup design bowl -o out/design/bowl --rivals --resume
+	.venv/bin/surfsup design funnel -o out/design/funnel --rivals --resume
+	.venv/bin/surfsup design latent -o out/design/chair --shape chair-0012 --iterations 50 --resume
+	.venv/bin/python examples/deflectors.py
+	.venv/bin/python benchmarks/design_searches.py
 
 setup: .venv/ready
 	@scripts/system-libraries

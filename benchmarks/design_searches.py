@@ -25,8 +25,8 @@ def main() -> None:
     parser.add_argument("-o", "--out", type=Path, default=Path("out/deflectors"))
     parser.add_argument("--iterations", type=int, default=60)
     arguments = parser.parse_args()
-    task, begun = runpy.run_path(str(EXAMPLE))["task"], (arguments.out / "design.json").exists()
-    run = optimise(task, arguments.out, arguments.iterations, resume=begun)
+    task = runpy.run_path(str(EXAMPLE))["task"]
+    run = optimise(task, arguments.out, arguments.iterations, resume=True)
     print(compare_rivals(run, with_solver=False, tell=lambda done, total: None))
 
 

@@ -23,8 +23,7 @@ def reward(end: Outcome) -> torch.Tensor:
 places = Parameter(PLACES, lower=[-0.3, -0.3, 0.15], upper=[0.3, 0.3, 0.42], step=0.03)
 task = Task("deflectors", balls, {"places": places}, Scene.from_yaml(SCENE, "scene"), reward, floor=0.06)
 if __name__ == "__main__":
-    run = optimise(task, "out/deflectors", iterations=60)
-    print(
-        f"{run.rewards[0]:.4f} became {run.rewards[run.best]:.4f}: balls at {run.designs[run.best]['places'].tolist()}"
-    )
+    run = optimise(task, "out/deflectors", iterations=60, resume=True)
+    best = run.designs[run.best]["places"].tolist()
+    print(f"{run.rewards[0]:.4f} became {run.rewards[run.best]:.4f} with balls at {best}")
     print(prove(run, tell=lambda done, total: None).text())

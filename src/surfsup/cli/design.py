@@ -58,9 +58,10 @@ def design(
     runs: list[DesignRun] = []
     with Stop() as stop:
         for folder, one in tasks:
-            again = resume and (folder / "design.json").exists()
             with design_line(folder.name) as tell:
-                run = optimise(one, folder, iterations, model or weights.DEFAULT_MODEL, smooth, seed, again, stop, tell)
+                run = optimise(
+                    one, folder, iterations, model or weights.DEFAULT_MODEL, smooth, seed, resume, stop, tell
+                )
             if not run.done:
                 raise typer.Exit(INTERRUPTED)
             runs.append(run)

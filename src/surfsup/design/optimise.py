@@ -42,7 +42,7 @@ def optimise(
         smoothing: metres by which the water's start is moved aside at random in each iteration; None leaves it to the
             task.
         seed: of those moves.
-        resume: go on with the run in the folder; a finished one is only read.
+        resume: go on with the run in the folder, if one is there; a finished one is only read.
         stop: asked before each iteration whether to end here.
         tell: called after each iteration.
 
@@ -56,7 +56,7 @@ def optimise(
     run = DesignRun(
         task, writable_folder(Path(folder)), weights.load(weights.find(model))[0], model, iterations, smoothing, seed
     )
-    if resume:
+    if resume and run.files.exist():
         run.resume()
     elif run.files.exist():
         raise InputError(f"{folder}: holds a design already; go on with --resume (resume=True) or take another folder")
