@@ -36,7 +36,7 @@ def test_writes_shape_figure_and_history(monkeypatch, tmp_path, capsys):
         (("bucket",), "there is no design 'bucket'"),
         (("bowl", "--start", "0.5,0"), "the start of r1 is 0.5, outside what is possible here"),
         (("bowl", "--start", "wide"), "give two radii in metres"),
-        (("latent",), "give --deepsdf FILE"),
+        (("latent",), "choose one by its name"),
         (("latent", "--deepsdf", "none.safetensors"), "none.safetensors"),
         (("funnel", "--model", "nobody"), "there is no model 'nobody'"),
         (("funnel", "--frames", "5"), "no particle reached the floor"),
@@ -52,7 +52,7 @@ def test_stopped_by_a_signal_it_keeps_what_it_has(tmp_path):
     import signal
     import time
 
-    endless = ("--start", "0.15,0.02", "--frames", 12, "--iterations", 10**6, "--no-proof", "--no-video")
+    endless = ("--start", "0.15,0.02", "--frames", 40, "--iterations", 10**6, "--no-proof", "--no-video")
     command = [sys.executable, "-m", "surfsup.cli", "design", "bowl", "-o", tmp_path, *endless]
     process = subprocess.Popen([*map(str, command)], stderr=subprocess.PIPE, text=True)
     deadline = time.monotonic() + 120

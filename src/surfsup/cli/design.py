@@ -56,12 +56,11 @@ def design(
         solver.require()
     tasks = asked_tasks(task, out, start, frames, deepsdf, shape)
     runs: list[DesignRun] = []
+    named = model or weights.DEFAULT_MODEL
     with Stop() as stop:
         for folder, one in tasks:
             with design_line(folder.name) as tell:
-                run = optimise(
-                    one, folder, iterations, model or weights.DEFAULT_MODEL, smooth, seed, resume, stop, tell
-                )
+                run = optimise(one, folder, iterations, named, smooth, seed, resume, stop, tell)
             if not run.done:
                 raise typer.Exit(INTERRUPTED)
             runs.append(run)
