@@ -1,0 +1,54 @@
+"""A picture for the page: the mesh that a SIREN was fitted to, the mesh of its zero, and water on the SIREN.
+
+    python benchmarks/neural_picture.py dragon.safetensors dragon.obj trajectory.h5 -o fit.png [--up y] [--frame 150]
+
+The trajectory is one of the same SIREN, for instance of `surfsup simulate dragon.safetensors`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import warnings
+from pathlib import Path
+
+import numpy as np
+from PIL import Image
+
+from surfsup.fitting.exact import into_cube
+from surfsup.pictures import renderer_of
+from surfsup.sdf import load_mesh, load_siren
+from surfsup.trajectory import Trajectory
+from surfsup.viewing.label import label
+from surfsup.viewing.slider import SIZE, picture_of_solid
+
+RESOLUTION = 192  # cells of the extracted mesh along the cube
+
+
+def main() -> None:
+    """Draw the three beside each other."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("siren", type=Path)
+    parser.add_argument("mesh", type=Path)
+    parser.add_argument("trajectory", type=Path)
+    parser.add_argument("--frame", type=int, default=150)
+    parser.add_argument("--up", choices=("y", "z"))
+    parser.add_argument("-o", "--out", type=Path, required=True)
+    arguments = parser.parse_args()
+    warnings.simplefilter("ignore")
+    siren, mesh = load_siren(arguments.siren), load_mesh(arguments.mesh, up=arguments.up)
+    mesh.vertices = into_cube(np.asarray(mesh.vertices), siren.cube)
+    extracted = siren.to_mesh(RESOLUTION)
+    with Trajectory(arguments.trajectory) as frames:
+        renderer = renderer_of(frames, SIZE)
+        water = renderer.image(frames.positions[arguments.frame])
+        renderer.close()
+    pictures = [
+        label(picture_of_solid(mesh), f"the mesh, {len(mesh.faces):,} triangles"),
+        label(picture_of_solid(extracted), f"the zero of the network, {arguments.siren.stat().st_size / 1000:.0f} kB"),
+        label(water, "water on the network"),
+    ]
+    Image.fromarray(np.hstack(pictures)).save(arguments.out)
+
+
+if __name__ == "__main__":
+    main()
