@@ -24,9 +24,10 @@ class Ascent:
     """The values of a design and how they climb.
 
     Adam (Kingma and Ba, 2015) with a step that falls by a cosine over all iterations: it needs no scale of the reward,
-    which nobody knows beforehand. Where a number's slope has turned since the last step, and gradients are to be relied
-    on, the number goes to where a straight line between both slopes has its zero (the secant), and its average of
-    slopes begins anew: Adam alone would swing over the top for many iterations.
+    which nobody knows beforehand. Where the slopes of half of the numbers or more have turned since the last step, and
+    gradients are to be relied on, these go to where a straight line between both slopes has its zero (the secant), and
+    their averages begin anew: Adam alone would swing over the top for many iterations. Few that turn among many are
+    the roughness of the ground.
 
     Attributes:
         coordinates: that the vectors of this class are in: steps of the parameters, and reward a step.
@@ -77,7 +78,8 @@ class Ascent:
         weight = BETAS[0] * memory["weight"] + (1 - BETAS[0])
         move = rate * torch.where(usual > 0, mean / weight / usual.clamp(min=torch.finfo(usual.dtype).tiny), 0.0)
         turned = (memory["slope"] * slope < 0) & (memory["slope"] * memory["move"] > 0)
-        lands = turned & (slope.abs() > NEGLIGIBLE * usual) & reliable
+        turned &= slope.abs() > NEGLIGIBLE * usual
+        lands = turned & (reliable and bool(2 * turned.sum() >= self.free.sum()))
         secant = -memory["move"] * slope.abs() / (slope.abs() + memory["slope"].abs()).clamp(min=1e-30)
         move = torch.where(lands, secant, move)
         if leap is not None:
