@@ -2,7 +2,7 @@ import numpy as np
 import torch
 
 from surfsup.design.figure import curves, draw_rivals, draw_runs
-from surfsup.design.film import opened
+from surfsup.design.film import along_the_way, opened
 from surfsup.sdf import Sphere, Transformed
 from tests.design.test_run import away
 from tests.design.test_task import ball_task, climb, run_of
@@ -25,3 +25,10 @@ def test_figures_show_every_parameter(simulator, tmp_path):
     assert list(curves(run)) == ["x"] and len(curves(run)["x"]) == 2
     assert draw_runs([run, run], tmp_path / "runs.png").stat().st_size > 10_000
     assert draw_rivals({"a": [0.0, 1.0], "b": [0.5]}, "title", tmp_path / "rivals.png").stat().st_size > 5_000
+
+
+def test_a_film_dwells_where_the_shape_changes(simulator, tmp_path):
+    run = run_of(ball_task(), simulator, tmp_path)
+    run.designs = [{"x": torch.tensor(x)} for x in (0.0, 0.1, 0.5, 0.5001, 0.5002, 0.5003, 0.6)]
+    run.rewards = [0.0, 1.0, 2.0, 2.0, 2.0, 2.0, 3.0]
+    assert along_the_way(run) == [0, 1, 2, 6]

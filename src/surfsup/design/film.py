@@ -35,12 +35,20 @@ def write_film(run: DesignRun, path: Path, tell: Callable[[int, int], None]) -> 
     Raises:
         InputError: this machine cannot draw.
     """
-    chosen = np.unique(np.linspace(0, run.best, min(DESIGNS, run.best + 1)).round().astype(int)).tolist()
+    chosen = along_the_way(run)
     moments = np.unique(np.linspace(0, run.task.scene.frames - 1, MOMENTS).round().astype(int)).tolist()
     total = HOLD * (2 * len(moments) + len(chosen))
     pictures = (picture for picture in scenes(run, chosen, moments) for _ in range(HOLD))
     write_video(path, pictures, progress=tell, total=total)
     return path
+
+
+def along_the_way(run: DesignRun) -> list[int]:
+    """The numbers of designs up to the best, evenly spaced by how far the shape has changed."""
+    places = torch.stack([run.ascent.coordinates.place(design) for design in run.designs[: run.best + 1]])
+    travelled = torch.cat([torch.zeros(1), (places[1:] - places[:-1]).norm(dim=1)]).cumsum(0)
+    marks = torch.linspace(0, float(travelled[-1]), DESIGNS)
+    return torch.searchsorted(travelled, marks).clamp(max=run.best).unique().tolist()
 
 
 def scenes(run: DesignRun, chosen: list[int], moments: list[int]) -> Iterator[np.ndarray]:
