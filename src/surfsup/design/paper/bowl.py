@@ -4,7 +4,7 @@ The paper says the reward, its variance, the frames and the iterations. It does 
 is ours: the bowl hangs from its mouth 0.5 m above the floor of the standard container, the water starts at rest right
 above it, and the object's height h, around which the water shall gather, is that of the mouth. So water that runs
 through the hole or over the rim falls out of the reward's favour, and a bowl larger than needed lets it sink too deep.
-A hole narrower than a particle, through which none can pass, counts as closed.
+A hole narrower than particles of either simulator keep from a solid, through which none can pass, counts as closed.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from torch import Tensor
 from surfsup.design.parameter import Parameter, Values
 from surfsup.design.reward import near
 from surfsup.design.task import Task
-from surfsup.scene import PARTICLE_RADIUS, Block, Fluid, Scene
+from surfsup.scene import SURFACE_CLEARANCE, Block, Fluid, Scene
 from surfsup.sdf import Bowl, Surface, Transformed
 
 VARIANCE = 0.8  # m² (supplement, section 7.1)
@@ -37,7 +37,7 @@ def bowl(capture_radius: float = START[0], filter_radius: float = START[1], fram
         shape=hanging_bowl,
         parameters={
             "r1": Parameter(capture_radius, *CAPTURE_RADIUS, STEP),
-            "r2": Parameter(filter_radius, 0.0, widest_hole, STEP, keeps=0.0, reach=PARTICLE_RADIUS),
+            "r2": Parameter(filter_radius, 0.0, widest_hole, STEP, keeps=0.0, reach=SURFACE_CLEARANCE),
         },
         scene=Scene(fluid=[Fluid(block=block)], frames=frames + 1),
         reward=near((0.0, 0.0, HEIGHT), VARIANCE),
