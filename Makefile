@@ -58,7 +58,7 @@ again = $(if $(wildcard runs/surfaces/$(1).fit/checkpoint.safetensors),--resume)
 design: setup
 	.venv/bin/surfsup design bowl -o out/design/bowl --rivals --resume
 	.venv/bin/surfsup design funnel -o out/design/funnel --rivals --resume
-	.venv/bin/surfsup design latent -o out/design/chair --shape chair-0012 --iterations 50 --resume
+	.venv/bin/surfsup design latent -o out/design/chair --shape chair-0100 --iterations 30 --resume
 	.venv/bin/python examples/deflectors.py
 	.venv/bin/python benchmarks/design_searches.py
 

@@ -31,7 +31,7 @@ WATER = (0.36, 0.18)  # metres, side and height of the block
 BOTTOM = 0.88  # metres of the block above the floor
 SPEED = 2.0  # m/s
 PRIOR = 1e-3  # of the mean squared distance from the mean code, in spreads
-STEP = 0.3  # of the spread of the codes
+STEP = 0.1  # of the spread of the codes
 FELT = 1.5 * REACH / RADIUS  # in the unit of the network: farther off no particle feels the chair
 FARTHEST = 4.0  # spreads that any number of the code may be off the mean
 
