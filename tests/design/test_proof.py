@@ -75,6 +75,11 @@ class TestShapeFiles:
         faces[tuple(first_corner[0])] = 8
         assert closed(trimesh.Trimesh(vertices, faces, process=False), "a box").is_watertight
 
+    def test_hold_no_specks_smaller_than_a_particle(self):
+        box, speck = trimesh.creation.box(extents=(0.2, 0.2, 0.2)), trimesh.creation.box(extents=(0.01, 0.01, 0.01))
+        speck.apply_translation((0.0, 0.0, 0.3))
+        assert closed(trimesh.util.concatenate([box, speck]), "a box and a speck").volume == pytest.approx(0.008)
+
     def test_of_what_is_not_closed_are_refused(self):
         open_mesh = trimesh.creation.box().submesh([range(6)], append=True)
         with pytest.raises(InputError, match="it cannot be printed"):

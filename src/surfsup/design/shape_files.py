@@ -8,10 +8,12 @@ import numpy as np
 import trimesh
 
 from surfsup.errors import InputError
+from surfsup.scene import PARTICLE_RADIUS
 from surfsup.sdf import Surface
 
 RESOLUTION = 128  # cells along the longest side
 DIGITS = (6, 5, 7)  # of a corner's place in metres; a float of an STL in millimetres holds seven
+SPECK = 4 / 3 * np.pi * PARTICLE_RADIUS**3  # m³
 MILLIMETRES = 1000.0  # a metre; STL knows no units, and printers take millimetres
 # glTF has y up: (x, y, z) -> (x, z, -y).
 Y_UP = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]])
@@ -51,8 +53,15 @@ def closed(mesh: trimesh.Trimesh, name: str) -> trimesh.Trimesh:
         corners = merged.faces
         merged.update_faces((corners != np.roll(corners, 1, axis=1)).all(axis=1))
         if merged.is_watertight and merged.is_winding_consistent and merged.volume > 0:
-            return merged
+            return without_specks(merged)
     raise InputError(
         f"{name}: the surface has a hole at {RESOLUTION} cells, or parts thinner than one; "
         "it cannot be printed as it is"
     )
+
+
+def without_specks(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
+    """The mesh without bodies and hollows smaller than a particle, which neural surfaces have and no water feels."""
+    bodies = mesh.split(only_watertight=False)
+    large = [body for body in bodies if abs(body.volume) >= SPECK]
+    return trimesh.util.concatenate(large) if 0 < len(large) < len(bodies) else mesh
