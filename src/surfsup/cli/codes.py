@@ -54,7 +54,7 @@ def between(
 ) -> None:
     """Show the shapes between two latent codes: a page with a slider, a strip of pictures, and their meshes.
 
-    Example: surfsup fit between chairs.safetensors chair-0003 chair-0007 -o out/chairs
+    Example: surfsup fit between chairs chair-0153 chair-0134 --whole -o out/chairs
     """
     from surfsup.fitting.interpolate import interpolate
     from surfsup.fitting.way import whole_way
