@@ -7,6 +7,7 @@ import torch
 
 from surfsup.datasets.windows import Window, Windows, symmetry
 from surfsup.errors import InputError
+from surfsup.model.kinds import KINDS
 from surfsup.model.state import Surroundings
 from surfsup.scene import Scene
 from surfsup.trajectory import VELOCITY_STEP, Provenance, TrajectoryWriter
@@ -80,6 +81,26 @@ def test_drawn_windows_are_the_files_frames_in_a_row(tmp_path, count, past):
         assert presents == set(range(past, count - 2)), "every window there is can be drawn, the last one too"
     else:
         assert max(presents) > 320 > min(presents)
+
+
+@pytest.mark.parametrize("kind", ["convolution", "surfsup"])
+def test_a_window_that_begins_with_its_scene_has_the_past_of_a_rollout(tmp_path, kind):
+    write(tmp_path / "a.h5", 12)
+    model = KINDS[kind](KINDS[kind].architecture_type(width=4, layers=1))
+    drawn = Windows(tmp_path).draw(np.random.default_rng(0), model.past, frames=3, starts=1.0)
+    assert drawn.begins
+    assert (drawn.past, drawn.following) == (model.past, 3)
+    assert [float(drawn.frame(number)[0][0, 2]) for number in range(4)] == [0, 1, 2, 3]
+    state, start = model.state_after(*drawn.up_to_now), model.start(*drawn.frame(0), drawn.around)
+    for ours, theirs in zip(vars(state).values(), vars(start).values(), strict=True):
+        torch.testing.assert_close(ours, theirs, atol=1e-6, rtol=1e-5)
+
+
+def test_so_many_windows_begin_with_their_scene_as_are_asked_for(tmp_path):
+    write(tmp_path / "a.h5", 12)
+    windows, random = Windows(tmp_path), np.random.default_rng(3)
+    assert not any(windows.draw(random, 1, 2).begins for _ in range(50))
+    assert 60 < sum(windows.draw(random, 1, 2, starts=0.4).begins for _ in range(200)) < 100
 
 
 def test_windows_of_several_folders_are_drawn_alike(tmp_path):

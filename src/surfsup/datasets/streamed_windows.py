@@ -41,10 +41,11 @@ class StreamedWindows:
         """The number of simulations in the pool."""
         return len(self._pool)
 
-    def draw(self, random: np.random.Generator, past: int, frames: int) -> Window:
+    def draw(self, random: np.random.Generator, past: int, frames: int, starts: float = 0.0) -> Window:
         """A window of ``past`` frames, the present one and ``frames`` more, of a random scene, time and symmetry.
 
-        What has come in is taken into the pool before; this waits for nothing.
+        Of all windows the share ``starts`` begins where its scene does. What has come in is taken into the pool before;
+        this waits for nothing.
 
         Raises:
             InputError: the scene is too short for such a window.
@@ -54,7 +55,7 @@ class StreamedWindows:
             self._add(simulated)
         simulated, around = self._pool[int(random.integers(len(self)))]
         name = f"scene {simulated.index} of the stream"
-        return draw_window(simulated, simulated.scene, name, around, random, past, frames)
+        return draw_window(simulated, simulated.scene, name, around, random, past, frames, starts)
 
 
 def stream_for_training(

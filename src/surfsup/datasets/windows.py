@@ -12,7 +12,8 @@ from torch import Tensor
 
 from surfsup.datasets.units import check_units
 from surfsup.errors import InputError
-from surfsup.model.state import Surroundings
+from surfsup.model.message_passing.history import History
+from surfsup.model.state import FRAME_TIME, Surroundings
 from surfsup.scene import Scene
 from surfsup.sdf import Transformed
 from surfsup.trajectory import Trajectory
@@ -32,6 +33,8 @@ class Window:
         around: container, solid and gravity.
         scene: what the frames are of, before any symmetry.
         name: of the scene, for complaints.
+        begins: whether the present frame is the scene's first; the past ones are then the free fall that every rollout
+            begins from.
     """
 
     positions: Tensor
@@ -40,6 +43,7 @@ class Window:
     around: Surroundings
     scene: Scene
     name: str
+    begins: bool = False
 
     @property
     def up_to_now(self) -> tuple[Tensor, Tensor]:
@@ -71,8 +75,11 @@ class Window:
 class WindowSource(Protocol):
     """Where training draws its windows from."""
 
-    def draw(self, random: np.random.Generator, past: int, frames: int) -> Window:
-        """A window of ``past`` frames, the present one and ``frames`` more, of a random scene, time and symmetry."""
+    def draw(self, random: np.random.Generator, past: int, frames: int, starts: float = 0.0) -> Window:
+        """A window of ``past`` frames, the present one and ``frames`` more, of a random scene, time and symmetry.
+
+        Of all windows the share ``starts`` begins where its scene does.
+        """
 
 
 class Windows:
@@ -104,8 +111,10 @@ class Windows:
         """The number of trajectories."""
         return len(self.paths)
 
-    def draw(self, random: np.random.Generator, past: int, frames: int) -> Window:
+    def draw(self, random: np.random.Generator, past: int, frames: int, starts: float = 0.0) -> Window:
         """A window of ``past`` frames, the present one and ``frames`` more, of a random scene, time and symmetry.
+
+        Of all windows the share ``starts`` begins where its scene does.
 
         Raises:
             InputError: the scene's trajectory is too short for such a window.
@@ -114,7 +123,7 @@ class Windows:
         path = self.paths[number]
         with Trajectory(path) as trajectory:
             return draw_window(
-                trajectory, trajectory.scene, str(path), self._surroundings[number], random, past, frames
+                trajectory, trajectory.scene, str(path), self._surroundings[number], random, past, frames, starts
             )
 
 
@@ -136,8 +145,11 @@ def draw_window(
     random: np.random.Generator,
     past: int,
     frames: int,
+    starts: float = 0.0,
 ) -> Window:
     """A window of ``past`` frames, the present one and ``frames`` more, of a random time and symmetry.
+
+    With the chance ``starts`` it begins where the scene does.
 
     Raises:
         InputError: there are too few frames for that, which the complaint says of ``name``.
@@ -145,15 +157,29 @@ def draw_window(
     last = len(frames_of) - 1 - frames
     if last < past:
         raise InputError(f"{name}: has {len(frames_of)} frames, training needs at least {past + 1 + frames}")
-    early = random.random() < EARLY_SHARE
-    end = max(past + 1, min(EARLY_FRAMES, last + 1)) if early else last + 1
-    now = int(random.integers(past, end))
+    if begins := starts > 0 and random.random() < starts:
+        first, count = 0, 1 + frames
+    else:
+        early = random.random() < EARLY_SHARE
+        end = max(past + 1, min(EARLY_FRAMES, last + 1)) if early else last + 1
+        first, count = int(random.integers(past, end)) - past, past + 1 + frames
     device = around.lower.device
-    positions, velocities = (
-        torch.from_numpy(values).to(device) for values in frames_of.window(now - past, past + 1 + frames)
-    )
-    whole = Window(positions, velocities, past, around, scene, name)
+    positions, velocities = (torch.from_numpy(values).to(device) for values in frames_of.window(first, count))
+    if begins:
+        positions, velocities = after_free_fall(positions, velocities, past, around.gravity)
+    whole = Window(positions, velocities, past, around, scene, name, begins)
     return whole.seen_through(symmetry(random).to(device))
+
+
+def after_free_fall(positions: Tensor, velocities: Tensor, past: int, gravity: Tensor) -> tuple[Tensor, Tensor]:
+    """A scene's first frames (K, N, 3) with ``past`` more before them, in which its water falls as through nothing.
+
+    That is how a rollout's first state takes its past to have been.
+    """
+    fallen = History.in_free_fall(positions[0], velocities[0], gravity, past).moves
+    before = positions[0] - fallen.cumsum(dim=1).flip(1).transpose(0, 1)
+    frames = torch.arange(past, 0, -1, device=gravity.device)[:, None, None]
+    return torch.cat([before, positions]), torch.cat([velocities[0] - FRAME_TIME * frames * gravity, velocities])
 
 
 def symmetry(random: np.random.Generator) -> Tensor:

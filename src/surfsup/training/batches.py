@@ -47,7 +47,7 @@ def read_batch(windows: WindowSource, run: Run, step: int) -> Batch:
     numbers = range(fabric.global_rank * share, (fabric.global_rank + 1) * share)
     randoms = [np.random.default_rng([config.seed, step, number]) for number in numbers]
     past, frames = run.model.past, steps * run.objective.frames_per_step
-    return Batch([windows.draw(random, past, frames) for random in randoms], randoms)
+    return Batch([windows.draw(random, past, frames, phase.starts) for random in randoms], randoms)
 
 
 def prepare(windows: WindowSource, run: Run) -> None:

@@ -42,6 +42,7 @@ class Phase(BaseModel):
         until: share of all steps at which the phase ends.
         unseen: up to so many of the model's steps are rolled out first, without gradient (push-forward).
         unroll: steps that the loss is taken over, with gradient through all of them.
+        starts: share of the windows that begin where their scene does, as every rollout; these get no noise.
         noise: metres; largest spread of the noise on the first state.
         energy: weight of the energy term; only the convolution has one.
         density: weight of the density term.
@@ -52,6 +53,7 @@ class Phase(BaseModel):
     until: Share
     unseen: Annotated[int, Field(ge=0)] = 0
     unroll: Count = 1
+    starts: Share = 0.0
     noise: Amount = 1e-4
     energy: Amount = 0.0
     density: Amount = 0.0

@@ -1,8 +1,10 @@
+import dataclasses
+
 import numpy as np
 import pytest
 import torch
 
-from surfsup.datasets.windows import Windows
+from surfsup.datasets.windows import Window, Windows
 from surfsup.model.message_passing.history import History
 from surfsup.model.neighbours import neighbourhood
 from surfsup.training.batches import EXAMPLES, prepare, read_batch
@@ -97,6 +99,18 @@ def test_noise_strays_by_what_is_asked_for_and_follows_from_the_generator(run, d
     assert torch.equal(one.moves, same.moves)
     assert not torch.equal(one.moves, other.moves)
     assert 7e-4 < float((one.moves - state.moves)[:, 0].std()) < 1.4e-3
+
+
+def test_a_window_that_begins_with_its_scene_gets_no_noise(run, data):
+    window = batch_of(run, data).windows[0]
+    quiet, noisy = Phase(until=1, noise=0), Phase(until=1, noise=1e-3)
+    begun = dataclasses.replace(window, begins=True)
+
+    def loss(window: Window, phase: Phase) -> torch.Tensor:
+        return run.objective(Batch([window], fresh()[:1]), phase)[0]
+
+    assert torch.equal(loss(begun, noisy), loss(window, quiet))
+    assert not torch.equal(loss(window, noisy), loss(window, quiet))
 
 
 def test_unrolled_steps_pass_a_gradient_to_every_weight(run, data):

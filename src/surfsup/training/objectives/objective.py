@@ -64,7 +64,7 @@ class Objective(nn.Module, ABC):
         windows = batch.windows
         steps = windows[0].following // self.frames_per_step
         states = [
-            self.with_noise(self.model.state_after(*window.up_to_now), phase.noise, random)
+            self.with_noise(self.model.state_after(*window.up_to_now), 0.0 if window.begins else phase.noise, random)
             for window, random in zip(windows, batch.randoms, strict=True)
         ]
         with torch.no_grad():
