@@ -182,10 +182,15 @@ def test_without_its_guard_a_model_is_judged_into_another_folder_and_unseen_data
     assert [scene["frames"] for scene in report["scenes"]] == [5, 5]
 
 
+def hear_interrupts() -> None:
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
 def test_an_interrupt_leaves_a_readable_trajectory_and_status_130(scene, tmp_path):
     out = tmp_path / "out"
     command = [sys.executable, "-m", "surfsup.cli", "simulate", str(scene), "-o", str(out), "--frames", "100000"]
-    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as running:
+    # Where the tests themselves run in the background their children would be born deaf to it.
+    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True, preexec_fn=hear_interrupts) as running:
         deadline = time.monotonic() + 60
         written = 0
         while written < 50_000 and time.monotonic() < deadline:  # some frames, however busy the machine is
