@@ -96,8 +96,6 @@ class TestSearchesWithoutGradients:
         assert float(box.values(np.array([0.0, 1.0]))["r2"]) == pytest.approx(0.8 * 0.06)
 
     def test_find_the_top_of_a_hill(self):
-        pytest.importorskip("cma")
-
         def score(values):
             return -float((values["r1"] - 0.2) ** 2 + values["r2"] ** 2)
 
