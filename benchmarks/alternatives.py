@@ -19,8 +19,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
-import subprocess
 import sys
 import tempfile
 from dataclasses import dataclass, field
@@ -33,6 +31,7 @@ import torch
 sys.path.insert(0, str(Path(__file__).parent))
 from against_solver import in_its_own_process, scene_of
 from paper_network import INPUTS
+from peers import run
 from surfsup.model import weights
 from surfsup.model.message_passing.architecture import SIZES, MessagePassingArchitecture
 from surfsup.model.message_passing.graph import edge_graph
@@ -41,7 +40,6 @@ from surfsup.model.neighbours import neighbourhood
 from surfsup.model.simulate import simulate
 from surfsup.scene import FRAME_TIME, PARTICLE_RADIUS, Scene
 
-NETWORKS = Path(__file__).parent / "peer_networks"
 SURFACE_PARTICLES = 2000
 FRAME = 110  # the water has struck and spreads
 SCRIPTS = {"open3d": "continuous_convolution"}  # a script may not be called as what it imports
@@ -72,20 +70,8 @@ class Alternative:
 
     def take_turn(self, splash: Path, threads: int, repeats: int) -> None:
         """Time it once more."""
-        environment = os.environ | {"OMP_NUM_THREADS": str(threads), "PYTHONPATH": self.source, "JAX_PLATFORMS": "cpu"}
-        cores = sorted(os.sched_getaffinity(0))[:threads]
-        done = subprocess.run(
-            [self.python, str(NETWORKS / f"{self.script}.py"), str(splash), str(repeats), *self.arguments],
-            env=environment,
-            capture_output=True,
-            text=True,
-            check=False,
-            preexec_fn=lambda: os.sched_setaffinity(0, cores),
-        )
-        if done.returncode:
-            sys.exit(f"{self.name}: {(done.stderr.strip().splitlines() or ['ended without a word'])[-1]}")
-        found = json.loads(done.stdout.splitlines()[-1])
-        self.told = self.told or found.pop("versions")
+        found = run(self.script, self.python, self.source, splash, threads, repeats, *self.arguments)
+        self.told = self.told or found["versions"]
         for key in ("forward_wall", "both_wall"):
             self.times[key] = min(found[key], self.times.get(key, float("inf")))
 

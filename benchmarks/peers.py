@@ -80,11 +80,11 @@ def write_graph(path: Path, particles: int) -> int:
     return len(near.senders)
 
 
-def run(name: str, python: str, source: str, graph: Path, threads: int, repeats: int) -> dict:
-    """The times of one network in a process of its own, and the versions of what it runs on."""
+def run(name: str, python: str, source: str, given: Path, threads: int, repeats: int, *arguments: str) -> dict:
+    """Times and versions that a script of `peer_networks` tells of what is ``given``, in a process of its own."""
     environment = {**os.environ, "OMP_NUM_THREADS": str(threads), "PYTHONPATH": source, "JAX_PLATFORMS": "cpu"}
     cores = sorted(os.sched_getaffinity(0))[:threads]
-    command = [python, str(NETWORKS / f"{name}.py"), str(graph), str(repeats)]
+    command = [python, str(NETWORKS / f"{name}.py"), str(given), str(repeats), *arguments]
     done = subprocess.run(
         command,
         env=environment,
