@@ -23,8 +23,8 @@ from unittest import mock
 import torch
 
 from surfsup.design import DesignRun, bowl
+from surfsup.design.record import processor_seconds
 from surfsup.design.rollout import Water, last_frame
-from surfsup.design.run import processor_seconds
 from surfsup.model import weights
 from surfsup.model.state import Surroundings
 from surfsup.scene import Scene

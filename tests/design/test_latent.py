@@ -3,6 +3,7 @@ from pathlib import Path
 import pytest
 import torch
 
+from surfsup.design.folder import resume
 from surfsup.design.paper.latent import latent
 from surfsup.design.task import Task
 from surfsup.errors import InputError
@@ -55,7 +56,7 @@ def test_the_code_climbs_and_can_be_resumed(task, simulator, tmp_path):
     run = climb(run_of(task, simulator, tmp_path, iterations=2))
     assert run.rewards[run.best] > run.rewards[0]
     again = run_of(task, simulator, tmp_path, iterations=2)
-    again.resume()
+    resume(again)
     assert again.rewards == run.rewards and torch.equal(again.designs[-1]["code"], run.designs[-1]["code"])
 
 

@@ -4,7 +4,9 @@ import pytest
 import torch
 
 from surfsup.design import Outcome, Parameter, Task, bowl, funnel, near
+from surfsup.design import climb as climbing
 from surfsup.design.asked import asked_tasks
+from surfsup.design.folder import resume
 from surfsup.design.parameter import starts, within
 from surfsup.design.run import DesignRun
 from surfsup.errors import InputError
@@ -31,7 +33,7 @@ def run_of(task, simulator, folder, **more) -> DesignRun:
 
 
 def climb(run: DesignRun, most: int = 10**9) -> DesignRun:
-    run.climb(lambda: len(run.rewards) >= most, lambda progress: None)
+    climbing.climb(run, lambda: len(run.rewards) >= most, lambda progress: None)
     return run
 
 
@@ -144,7 +146,7 @@ class TestWhenItGoesWrongOnTheWay:
         with pytest.raises(InputError, match=r"the reward is nan .*iteration 2; the best design so far is kept in"):
             climb(run)
         again = run_of(ball_task(reward=reward), simulator, tmp_path)
-        again.resume()
+        resume(again)
         assert again.rewards == run.rewards and len(run.rewards) == 2
         assert '"best"' in (tmp_path / "design.json").read_text()
 

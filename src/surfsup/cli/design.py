@@ -74,7 +74,7 @@ def finish(run: DesignRun, rivals: bool, no_proof: bool, no_video: bool) -> None
     """Write figure, shapes, verdict and video of a finished run, and say what came of it."""
     from surfsup.design.figure import draw_runs
     from surfsup.design.film import write_film
-    from surfsup.design.run import PATIENCE
+    from surfsup.design.record import PATIENCE
     from surfsup.design.shape_files import write_shape
     from surfsup.design.task import told
     from surfsup.design.verdict import compare_rivals, prove

@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
-from surfsup.design.run import DesignRun, Progress
+from surfsup.design import folder as run_folder
+from surfsup.design.climb import Progress, climb
+from surfsup.design.run import DesignRun
 from surfsup.design.task import Task
 from surfsup.errors import InputError
 from surfsup.model import weights
@@ -57,8 +59,8 @@ def optimise(
         task, writable_folder(Path(folder)), weights.load(weights.find(model))[0], model, iterations, smoothing, seed
     )
     if resume and run.files.exist():
-        run.resume()
+        run_folder.resume(run)
     elif run.files.exist():
         raise InputError(f"{folder}: holds a design already; go on with --resume (resume=True) or take another folder")
-    run.climb(stop, tell)
+    climb(run, stop, tell)
     return run

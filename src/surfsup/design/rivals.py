@@ -14,8 +14,8 @@ from torch import Tensor
 
 from surfsup.design.parameter import Values, bounds, starts, within
 from surfsup.design.proof import true_reward
+from surfsup.design.record import processor_seconds
 from surfsup.design.reward import NothingLanded
-from surfsup.design.run import processor_seconds
 from surfsup.design.task import Task
 from surfsup.errors import InputError, SimulationError
 from surfsup.model.simulator import Simulator

@@ -8,9 +8,11 @@ from dataclasses import asdict, dataclass
 from itertools import accumulate
 
 from surfsup.design.figure import draw_rivals
+from surfsup.design.folder import write_whole
 from surfsup.design.proof import Verdict, judged
+from surfsup.design.record import processor_seconds
 from surfsup.design.rivals import by_model, by_solver, evolution, first, for_work, random_search
-from surfsup.design.run import DesignRun, processor_seconds, write_whole
+from surfsup.design.run import DesignRun
 
 Tell = Callable[[int, int], None]
 SHORT = (0.05, 0.01, 0.001)  # of what the best gained over the start: how near to the best counts as reached

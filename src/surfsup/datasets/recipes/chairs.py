@@ -8,15 +8,12 @@ is turned about the vertical and where it stands are drawn at random, which is o
 
 from __future__ import annotations
 
-from itertools import product
 from pathlib import Path
-
-import numpy as np
 
 from surfsup.datasets.carpentry import chair
 from surfsup.datasets.recipes.mesh_files import SURFACES, collect, fitted_corners
 from surfsup.datasets.recipes.recipe import Recipe
-from surfsup.datasets.recipes.standing import stand
+from surfsup.datasets.recipes.standing import box_corners, stand
 from surfsup.datasets.recipes.water import Random, block_above
 from surfsup.errors import InputError
 from surfsup.scene import Container, Scene, Shape
@@ -55,7 +52,7 @@ class Chairs(Recipe):
             corners = fitted_corners(path, FIT, up="y")
         else:
             solid = chair(random)
-            corners = np.array(list(product(*solid.surface().bounds().double().numpy().T)))
+            corners = box_corners(solid.surface())
         solid, top = stand(solid, corners, WIDEST, container, random)
         water = block_above(top[:2], top[2], container, random)
         return Scene(container=container, surface=solid, fluid=water).in_folder(self.folder)

@@ -2,12 +2,20 @@
 
 from __future__ import annotations
 
+from itertools import product
+
 import numpy as np
 
 from surfsup.datasets.recipes.prim_shapes import room
 from surfsup.datasets.recipes.water import Random
 from surfsup.scene import Container, Shape
 from surfsup.scene.shapes import Rotation
+from surfsup.sdf import Surface
+
+
+def box_corners(surface: Surface) -> np.ndarray:
+    """The eight corners (8, 3) of a surface's bounding box, metres."""
+    return np.array(list(product(*surface.bounds().double().numpy().T)))
 
 
 def stand(
