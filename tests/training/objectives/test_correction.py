@@ -2,9 +2,12 @@ import numpy as np
 import pytest
 import torch
 
+from surfsup.model.neighbours import neighbourhood
 from surfsup.training.config import Phase
 from surfsup.training.objectives import Batch
+from surfsup.training.objectives.clearance_loss import clearance_loss
 from surfsup.training.objectives.correction import error_of_last_frame
+from surfsup.training.objectives.density_loss import density_loss
 from surfsup.training.run import Run
 from tests.training.conftest import batch_of, config, fresh
 
@@ -27,6 +30,25 @@ def test_every_window_of_a_batch_counts(run, data):
     torch.testing.assert_close(rows, torch.cat([row for _, row in apart]), equal_nan=True)
     torch.testing.assert_close(rows[:, 0].mean(), together)
     assert not rows.requires_grad
+
+
+def squeezing(places, around):
+    return density_loss(places, neighbourhood(places.detach(), 0.061))
+
+
+@pytest.mark.parametrize(("term", "cost"), [("density", squeezing), ("clearance", clearance_loss)])
+def test_a_term_costs_what_the_phase_weighs_it(run, data, term, cost):
+    windows = batch_of(run, data).windows
+    plain, dear = (
+        run.objective(Batch(windows, fresh()), Phase(until=1, noise=0.01, **{term: weight}))[0] for weight in (0, 2)
+    )
+    every = []
+    for window, random in zip(windows, fresh(), strict=True):
+        state = error_of_last_frame(run.model.state_after(*window.up_to_now), 0.01, random)
+        seen = run.model.observe(state, window.around)
+        every.append(cost(run.model.advance(seen, run.model.correct(seen))[0], window.around))
+    assert torch.stack(every).mean() > 0.01
+    torch.testing.assert_close(dear - plain, 2 * torch.stack(every).mean(), rtol=1e-3, atol=1e-4)
 
 
 def test_noise_is_on_a_copy_and_never_larger_than_asked_for(run, data):
