@@ -1,13 +1,13 @@
 """Milliseconds a frame of 5 ms: the shipped model, native and in torch, against SPlisHSPlasH, same scene, same cores.
 
-    python benchmarks/against_solver.py [--particles 3000 50000] [--threads 1 2] [--frames 200] [--model NAME]
+    python benchmarks/against_solver.py [--particles 3000 50000] [--threads 1 2] [--frames 200] [--no-torch]
 
 A block of water falls on a ball; every run is a process of its own, one after the other. Ours counts everything:
 neighbours, network, distances, guard, and writing the trajectory. The solver's bare steps count, nothing read from it
 or written: with its fixed step of 1 ms (five a frame, the paper's setting) and with its own adaptive step by the CFL
 condition (its defaults). Set-up is left out on both sides, that is all up to the end of the first frame. ms is
 wall-clock time, and 'cpu' processor time of all threads. Last, where a native frame's time goes. At 50,000 particles
-it takes some five minutes for each number of threads.
+it takes some five minutes for each number of threads, most of it in torch (`--no-torch`).
 """
 
 from __future__ import annotations
@@ -150,10 +150,12 @@ def profile(scene: Scene, model_name: str | None) -> dict[str, float]:
     return {name: min(timed(part, 1)[1] for _ in range(20)) for name, part in parts.items()}
 
 
+COMPARED = ("solver 1 ms", "solver CFL", "native")
+TORCH = "torch"
 RUNS: dict[str, Callable[[Scene, str | None], Any]] = {
     "solver 1 ms": lambda scene, _: solver(scene, adaptive=False),
     "solver CFL": lambda scene, _: solver(scene, adaptive=True),
-    "torch": lambda scene, model: ours(scene, model, native=False),
+    TORCH: lambda scene, model: ours(scene, model, native=False),
     "native": lambda scene, model: ours(scene, model, native=True),
     "profile": profile,
 }
@@ -182,6 +184,9 @@ def main() -> None:
     parser.add_argument("--threads", type=int, nargs="+", default=[1, 2])
     parser.add_argument("--frames", type=int, default=200, help="the first 70 are a fall, the easiest for the solver")
     parser.add_argument("--model", default=None)
+    parser.add_argument(
+        "--torch", action=argparse.BooleanOptionalAction, default=True, help="also without the native step"
+    )
     parser.add_argument("--run", nargs=3, metavar=("NAME", "SCENE", "RESULT"), help=argparse.SUPPRESS)
     arguments = parser.parse_args()
     if arguments.run:
@@ -193,11 +198,10 @@ def main() -> None:
         count = len(scene.start(scene.build_surface()).positions)
         print(f"{count} particles, {arguments.frames} frames; ms a frame, wall clock (cpu)")
         for threads in arguments.threads:
-            told = {
-                name: in_its_own_process(name, scene, threads, arguments.model) for name in RUNS if name != "profile"
-            }
+            names = COMPARED + ((TORCH,) if arguments.torch else ())
+            told = {name: in_its_own_process(name, scene, threads, arguments.model) for name in names}
             print(f"  {threads} threads: " + ", ".join(f"{name} {t[0]:.2f} ({t[1]:.2f})" for name, t in told.items()))
-            fixed, adaptive, native = (told[name][0] for name in ("solver 1 ms", "solver CFL", "native"))
+            fixed, adaptive, native = (told[name][0] for name in COMPARED)
             print(f"    native is {fixed / native:.2f} times as fast as the fixed step, {adaptive / native:.2f} as CFL")
         for name, milliseconds in in_its_own_process("profile", scene, 1, arguments.model).items():
             print(f"    {milliseconds:8.3f} ms  {name}", flush=True)
