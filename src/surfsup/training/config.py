@@ -46,7 +46,6 @@ class Phase(BaseModel):
         noise: metres; largest spread of the noise on the first state.
         energy: weight of the energy term; only the convolution has one.
         density: weight of the density term.
-        clearance: weight of the term on particles nearer to solid or walls than the solver lets them come.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
@@ -58,7 +57,6 @@ class Phase(BaseModel):
     noise: Amount = 1e-4
     energy: Amount = 0.0
     density: Amount = 0.0
-    clearance: Amount = 0.0
 
 
 class TrainingConfig(BaseModel):

@@ -14,7 +14,6 @@ from surfsup.model.message_passing.simulator import MessagePassingSimulator, joi
 from surfsup.model.neighbours import neighbourhood
 from surfsup.scene import SPACING
 from surfsup.training.config import Phase
-from surfsup.training.objectives.clearance_loss import clearance_loss
 from surfsup.training.objectives.density_loss import density_loss
 from surfsup.training.objectives.objective import Batch, Objective, StepErrors, mean_where
 from surfsup.training.objectives.strayed import FASTEST, at_most
@@ -91,7 +90,5 @@ class AccelerationObjective(Objective):
             if phase.density > 0:
                 positions = reached[-1][0]
                 loss = loss + phase.density * density_loss(positions, neighbourhood(positions, SUPPORT))
-            if phase.clearance > 0:
-                loss = loss + phase.clearance * clearance_loss(reached[-1][0], window.around)
             errors.append(StepErrors(loss, mean_where(error, near), mean_where(error, ~near)))
         return errors, reached

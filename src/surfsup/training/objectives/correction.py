@@ -13,7 +13,6 @@ from surfsup.model.correction import POSITION_SHARE, Correction
 from surfsup.model.simulator import Observation, Simulator, join_observations
 from surfsup.model.state import FRAME_TIME, State
 from surfsup.training.config import Phase
-from surfsup.training.objectives.clearance_loss import clearance_loss
 from surfsup.training.objectives.correction_loss import (
     NEAR_SURFACE,
     energy_loss,
@@ -28,7 +27,7 @@ NOISE_DECADES = 2.0  # how many powers of ten smaller than the configured noise 
 
 
 class CorrectionObjective(Objective):
-    """Motion loss and, in phases that weigh them, the energy of small cells, density and clearance."""
+    """Motion loss and, in phases that weigh them, the energy of small cells and the density."""
 
     model: Simulator
 
@@ -61,8 +60,6 @@ class CorrectionObjective(Objective):
                 )
             if phase.density > 0:
                 loss = loss + phase.density * density_loss(reached[-1][0], view.graph.neighbourhood)
-            if phase.clearance > 0:
-                loss = loss + phase.clearance * clearance_loss(reached[-1][0], window.around)
             error = squared_error(correction, wanted)
             errors.append(StepErrors(loss, mean_where(error, near), mean_where(error, ~near)))
         return errors, reached
