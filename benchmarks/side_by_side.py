@@ -4,7 +4,7 @@
 
 REPORTS holds a folder for each preset and guard, as `surfsup evaluate` makes them: surfsup, surfsup-no-guard, gns and
 so on. RUNS hold the trainings under the presets' names, for the figure: Chamfer of the rollouts on validation scenes
-over the time of training, judging included; of several, each went on from the one before. Tables are written as
+over steps and over the time of training; of several, each went on from the one before. Tables are written as
 Markdown.
 """
 
@@ -116,33 +116,39 @@ def complex_scenes(reports: dict[str, dict[str, Any]]) -> str:
     return table(["scene", "model", "Chamfer / Surface / inside / mean inside, m", "the paper's"], rows)
 
 
-def course(runs: list[Path], name: str) -> tuple[list[float], list[float]]:
-    """Minutes of training and Chamfer, over all the runs of a preset."""
-    minutes, chamfer, before = [], [], 0.0
+def course(runs: list[Path], name: str) -> tuple[list[float], list[float], list[float]]:
+    """Thousands of steps, minutes of training, and Chamfer, over all the runs of a preset."""
+    steps, minutes, chamfer = [], [], []
+    steps_before = minutes_before = 0.0
     for log in (run / name / "log.csv" for run in runs):
         if not log.is_file():
             break
         with log.open(newline="") as file:
             rows = list(csv.DictReader(file))
         judged = [row for row in rows if row["chamfer"] != "nan"]
-        minutes += [before + float(row["seconds"]) / 60 for row in judged]
+        steps += [steps_before + float(row["step"]) / 1000 for row in judged]
+        minutes += [minutes_before + float(row["seconds"]) / 60 for row in judged]
         chamfer += [float(row["chamfer"]) for row in judged]
-        before += float(rows[-1]["seconds"]) / 60
-    return minutes, chamfer
+        steps_before += float(rows[-1]["step"]) / 1000
+        minutes_before += float(rows[-1]["seconds"]) / 60
+    return steps, minutes, chamfer
 
 
 def draw(runs: list[Path], path: Path) -> None:
-    """Chamfer over minutes of training."""
+    """Chamfer over steps, and over minutes of training."""
     import matplotlib.pyplot as plt
 
-    figure, axes = plt.subplots(figsize=(7, 4), constrained_layout=True)
+    figure, (left, right) = plt.subplots(ncols=2, sharey=True, figsize=(10, 4), constrained_layout=True)
     for name in PRESETS:
-        minutes, chamfer = course(runs, name)
-        if minutes:
-            axes.plot(minutes, chamfer, marker="o", label=name)
-    axes.set(xlabel="minutes of training, judging included", ylabel="Chamfer on validation scenes, m", yscale="log")
-    axes.grid(alpha=0.3)
-    axes.legend()
+        steps, minutes, chamfer = course(runs, name)
+        if steps:
+            left.plot(steps, chamfer, marker="o", markersize=4, label=name)
+            right.plot(minutes, chamfer, marker="o", markersize=4)
+    left.set(xlabel="thousand steps", ylabel="Chamfer on validation scenes, m", yscale="log")
+    right.set(xlabel="minutes of one core, rollouts included")
+    for axes in (left, right):
+        axes.grid(alpha=0.3)
+    figure.legend(*left.get_legend_handles_labels(), loc="outside right upper")
     figure.savefig(path, dpi=120)
 
 
