@@ -12,16 +12,19 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.ndimage import gaussian_filter, zoom
 
+from surfsup.errors import SimulationError
 from surfsup.viewing import light
 from surfsup.viewing.camera import Camera
 
 if TYPE_CHECKING:
+    import pysplashsurf
     import pyvista
 
 ABSORPTION = np.array([15.0, 4.8, 2.3], np.float32)  # a metre; far more than water's, for the scene is a metre wide
 BODY = np.array([0.05, 0.30, 0.50], np.float32)  # what thick water scatters back
 _REFRACTION = 0.35  # how far (share of the depth of water) a ray is bent aside
 _REFLECTANCE = 0.02  # of water seen straight on
+_CELLS = (0.7, 0.705, 0.71)  # sizes of the grid's cells, in radii of a particle
 _COARSE = 4  # pixels; thickness is smooth, so it is gathered on a coarser grid
 
 
@@ -29,22 +32,42 @@ def water_surface(positions: np.ndarray, particle_radius: float) -> "pyvista.Pol
     """A closed smooth mesh around particles (N, 3), by pysplashsurf, with unit vertex normals as `Normals`.
 
     `particle_radius` is in metres, half the particles' spacing. Empty where there are no particles.
+
+    Raises:
+        SimulationError: pysplashsurf finds no surface around these particles.
     """
-    import pysplashsurf
     import pyvista
 
     if len(positions) == 0:
         return pyvista.PolyData()
-    mesh, _ = pysplashsurf.reconstruction_pipeline(
-        np.ascontiguousarray(positions, np.float32),
-        particle_radius=particle_radius, smoothing_length=2.0, cube_size=0.7, iso_surface_threshold=0.6,
-        mesh_smoothing_iters=20, mesh_smoothing_weights=True, compute_normals=True, normals_smoothing_iters=8,
-    )  # fmt: skip
+    mesh = reconstruct(np.ascontiguousarray(positions, np.float32), particle_radius)
     # Its triangles are unsigned, which VTK misreads.
     triangles = np.asarray(mesh.mesh.triangles).astype(np.int64)
     surface = pyvista.PolyData.from_regular_faces(np.asarray(mesh.mesh.vertices), triangles)
     surface.point_data["Normals"] = np.asarray(mesh.point_attributes["normals"], np.float32)
     return surface
+
+
+def reconstruct(positions: np.ndarray, particle_radius: float) -> "pysplashsurf.MeshWithData":
+    """The mesh as pysplashsurf makes it.
+
+    Raises:
+        SimulationError: it can make none.
+    """
+    import pysplashsurf
+
+    # Now and then it loses a vertex and gives up ("This is a bug"); on a grid of other cells it does not.
+    for cell in _CELLS:
+        try:
+            mesh, _ = pysplashsurf.reconstruction_pipeline(
+                positions,
+                particle_radius=particle_radius, smoothing_length=2.0, cube_size=cell, iso_surface_threshold=0.6,
+                mesh_smoothing_iters=20, mesh_smoothing_weights=True, compute_normals=True, normals_smoothing_iters=8,
+            )  # fmt: skip
+        except RuntimeError:
+            continue
+        return mesh
+    raise SimulationError(f"pysplashsurf finds no surface around the {len(positions)} particles")
 
 
 def thickness(positions: np.ndarray, particle_radius: float, camera: Camera, behind: np.ndarray) -> np.ndarray:
