@@ -4,9 +4,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from surfsup import native
-from surfsup.model.guard import TOLERANCE, Look, guard
+from surfsup.model.guard import CLEARANCE, TOLERANCE, Look, guard
 from surfsup.model.state import Surroundings
-from surfsup.scene import SURFACE_CLEARANCE, WALL_CLEARANCE
 from surfsup.sdf import Box, Difference, Sphere, Surface, Transformed, Union
 
 LOWER, UPPER = torch.tensor([-0.5, -0.5, 0.0]), torch.tensor([0.5, 0.5, 2.0])
@@ -115,8 +114,8 @@ def test_only_those_are_looked_at_again_that_may_have_come_too_close():
 def test_who_was_not_in_the_way_is_not_touched(name):
     surface = SCENES[name]
     positions, velocities = drawn(1, 2000)
-    clear = (surface.distance(positions) >= SURFACE_CLEARANCE) & (
-        (positions >= LOWER + WALL_CLEARANCE) & (positions <= UPPER - WALL_CLEARANCE)
+    clear = (surface.distance(positions) >= CLEARANCE) & (
+        (positions >= LOWER + CLEARANCE) & (positions <= UPPER - CLEARANCE)
     ).all(dim=-1)
     assert 0 < clear.sum() < len(clear)
     kept = guard(HIGH.expand_as(positions), positions, velocities, around(surface))
@@ -131,10 +130,10 @@ def test_a_particle_in_a_ball_is_pushed_out_along_the_radius_to_the_clearance():
     surface = Sphere(0.3)
     wide = Surroundings(surface, torch.full((3,), -2.0), torch.full((3,), 2.0), torch.zeros(3))
     direction = torch.nn.functional.normalize(torch.randn(50, 3), dim=-1)
-    positions = direction * torch.linspace(0.1, 0.32, 50)[:, None]
+    positions = direction * torch.linspace(0.1, 0.315, 50)[:, None]
     velocities = torch.randn(50, 3)
     kept = guard(torch.full_like(positions, 1.0), positions, velocities, wide)
-    torch.testing.assert_close(kept.positions, direction * (0.3 + SURFACE_CLEARANCE), atol=1e-5, rtol=0)
+    torch.testing.assert_close(kept.positions, direction * (0.3 + CLEARANCE), atol=1e-5, rtol=0)
     assert kept.moved.all()
     # What pointed in is gone, what pointed along or out is as it was.
     outward = (velocities * direction).sum(-1, keepdim=True)
@@ -147,7 +146,7 @@ def test_walls_stop_what_would_leave_and_leave_what_comes_back():
     positions = torch.tensor([[0.6, 0.0, 1.0], [0.6, 0.0, 1.0], [0.0, 0.0, -0.1], [0.1, 0.2, 0.3]])
     velocities = torch.tensor([[2.0, 1.0, 0.0], [-2.0, 1.0, 0.0], [1.0, 1.0, -5.0], [9.0, 9.0, 9.0]])
     kept = guard(positions, positions, velocities, around(None))
-    edge, floor = 0.5 - WALL_CLEARANCE, WALL_CLEARANCE
+    edge, floor = 0.5 - CLEARANCE, CLEARANCE
     torch.testing.assert_close(
         kept.positions, torch.tensor([[edge, 0, 1], [edge, 0, 1], [0, 0, floor], [0.1, 0.2, 0.3]])
     )
@@ -160,9 +159,9 @@ def test_a_corner_between_box_and_wall_keeps_both_clearances():
     surface = at(Box((0.3, 1.0, 0.5)), 0.0, 0.0, 0.25)
     positions = torch.tensor([[0.12, 0.0, -0.05], [0.14, 0.49, 0.1], [0.16, 0.5, 0.01]])
     kept = guard(HIGH.expand_as(positions), positions, torch.zeros_like(positions), around(surface))
-    assert (surface.distance(kept.positions) >= SURFACE_CLEARANCE - 2 * TOLERANCE).all()
-    assert (kept.positions >= LOWER + WALL_CLEARANCE - 1e-6).all()
-    assert (kept.positions <= UPPER - WALL_CLEARANCE + 1e-6).all()
+    assert (surface.distance(kept.positions) >= CLEARANCE - 2 * TOLERANCE).all()
+    assert (kept.positions >= LOWER + CLEARANCE - 1e-6).all()
+    assert (kept.positions <= UPPER - CLEARANCE + 1e-6).all()
 
 
 def test_in_a_crease_too_narrow_a_particle_stays_where_it_was():

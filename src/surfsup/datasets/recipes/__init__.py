@@ -5,6 +5,7 @@ from surfsup.datasets.recipes.bowls import Bowls
 from surfsup.datasets.recipes.chairs import Chairs
 from surfsup.datasets.recipes.complex_scenes import ComplexScenes
 from surfsup.datasets.recipes.funnels import Funnels
+from surfsup.datasets.recipes.hills import Hills
 from surfsup.datasets.recipes.mountain import Mountain
 from surfsup.datasets.recipes.prim_shapes import PrimShapes
 from surfsup.datasets.recipes.prim_unions import PrimUnions
@@ -13,7 +14,7 @@ from surfsup.datasets.recipes.tanks import Tanks
 
 RECIPES: dict[str, type[Recipe]] = {
     recipe.name: recipe
-    for recipe in (PrimShapes, PrimUnions, Funnels, Bowls, Chairs, ComplexScenes, Mountain, Assorted, Tanks)
+    for recipe in (PrimShapes, PrimUnions, Funnels, Bowls, Chairs, ComplexScenes, Mountain, Assorted, Tanks, Hills)
 }
 
 __all__ = ["RECIPES", "Recipe"]

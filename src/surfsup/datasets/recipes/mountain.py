@@ -51,11 +51,7 @@ class Mountain(Recipe):
         rows, columns = heights.shape
         if min(rows, columns) < NARROWEST * max(rows, columns):
             raise InputError(f"{source}: is a strip of {rows} x {columns} samples; cut it to about a square")
-        (self.folder / FILE).parent.mkdir(parents=True, exist_ok=True)
-        partial = self.folder / FILE.with_name(f".{FILE.name}.partial")
-        with partial.open("wb") as file:
-            np.save(file, heights.astype(np.float32), allow_pickle=False)
-        partial.replace(self.folder / FILE)
+        write_heights(self.folder / FILE, heights)
 
     def scene(self, index: int, random: Random) -> Scene:
         """Scene number ``index``: where the blocks hang and how large they are is drawn from ``random``."""
@@ -93,6 +89,15 @@ def coarser(heights: np.ndarray) -> np.ndarray:
     step = -(-max(heights.shape) // MOST_SAMPLES)
     rows, columns = (max(1, side // step) for side in heights.shape)
     return heights[: rows * step, : columns * step].reshape(rows, step, columns, step).mean(axis=(1, 3))
+
+
+def write_heights(file: Path, heights: np.ndarray) -> None:
+    """Write heights (rows, columns) so that no reader ever sees half a file."""
+    file.parent.mkdir(parents=True, exist_ok=True)
+    partial = file.with_name(f".{file.name}.partial")
+    with partial.open("wb") as out:
+        np.save(out, heights.astype(np.float32), allow_pickle=False)
+    partial.replace(file)
 
 
 def block_over(levels: np.ndarray, size: tuple[float, float], quarter: tuple[int, int], random: Random) -> Fluid:

@@ -1,0 +1,205 @@
+"""What each part of the default model and of its training is worth: one thing at a time is left out or changed.
+
+    python benchmarks/ablations.py data/prim-shapes-train data/prim-shapes-validation
+    python benchmarks/ablations.py data/prim-shapes-train data/prim-shapes-validation --only as-it-is no-skip
+
+Every variant is trained from scratch for the same number of steps and judged by rollouts on validation scenes. What is
+left out is held at zero weights, so that all else, random numbers too, is as it was. Runs that are there are kept.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+from unittest.mock import patch
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+
+from surfsup.datasets import windows as windows_module
+from surfsup.datasets.windows import Windows
+from surfsup.model.convolution import CLOSE_DIRECTION, CLOSE_WINDOW, KERNELS
+from surfsup.model.correction import POSITION_SHARE, Correction
+from surfsup.model.kinds import KINDS
+from surfsup.model.native_step import NativeStep
+from surfsup.model.network import ConvolutionNetwork
+from surfsup.model.simulator import Architecture, Observation, Simulator
+from surfsup.training.config import load_config
+from surfsup.training.train import Run, train
+
+PAST, VELOCITIES = slice(0, 6), slice(23, 47)  # columns of what acts on a particle
+SINGLE = "{until: 0.6, noise: 3.0e-4}"
+PUSHED = "until: 1, unseen: 6, unroll: 2, noise: 3.0e-4, density: 5.0"
+PHASES = f"phases=[{SINGLE}, {{{PUSHED}}}]"
+
+Part = tuple[Tensor, object]  # a weight, and which of its elements
+
+
+class NeverNative(NativeStep):
+    """For a simulator that the native step does not know."""
+
+    def __reduce__(self) -> tuple[type[NeverNative], tuple[()]]:
+        return NeverNative, ()
+
+    def can_take(self, *_: object) -> bool:
+        """Torch does it all."""
+        return False
+
+
+class WithoutSkip(Simulator):
+    """What the last displacement has not shown yet is told to the network only, not passed on."""
+
+    def __init__(self, architecture: Architecture) -> None:
+        super().__init__(architecture)
+        self.native = NeverNative()
+
+    def correct(self, seen: Observation) -> Correction:
+        """The network's answer alone."""
+        out = self.network(seen.acts, seen.lie, seen.graph)
+        velocity = out[:, 0:3]
+        return Correction(velocity, POSITION_SHARE * velocity + 0.3 * out[:, 3:6]).bounded()
+
+
+def nothing(_network: ConvolutionNetwork) -> Iterator[Part]:
+    """All parts are there."""
+    yield from ()
+
+
+def past(network: ConvolutionNetwork) -> Iterator[Part]:
+    """What is known of the frame before: its displacement and change of velocity."""
+    yield network.encoder[0].weight, (slice(None), PAST)
+
+
+def velocities(network: ConvolutionNetwork) -> Iterator[Part]:
+    """The kernel sums of the neighbours' velocities, among them their divergence."""
+    yield network.encoder[0].weight, (slice(None), VELOCITIES)
+
+
+def density(network: ConvolutionNetwork) -> Iterator[Part]:
+    """How the neighbours lie: the factors are then all one."""
+    yield network.factors[2].weight, slice(None)
+    yield network.factors[2].bias, slice(None)
+
+
+def kernels(which: list[int]) -> Callable[[ConvolutionNetwork], Iterator[Part]]:
+    """Some of the eight kernels of every layer."""
+
+    def of_layers(network: ConvolutionNetwork) -> Iterator[Part]:
+        for layer in network.layers:
+            width = layer.own.weight.shape[0]
+            yield layer.mix.weight, np.concatenate([np.arange(width) + kernel * width for kernel in which])
+
+    return of_layers
+
+
+@dataclass(frozen=True)
+class Variant:
+    """One change.
+
+    Attributes:
+        overrides: of the configuration.
+        left_out: which weights are held at zero.
+        simulator: of which class.
+        scenes: how many are trained on; None: all.
+        turned: whether windows are turned and mirrored.
+    """
+
+    overrides: tuple[str, ...] = ()
+    left_out: Callable[[ConvolutionNetwork], Iterator[Part]] = nothing
+    simulator: type[Simulator] = Simulator
+    scenes: int | None = None
+    turned: bool = True
+
+
+DIRECTIONS = [kernel for kernel in range(KERNELS) if kernel > CLOSE_WINDOW]
+CLOSE = [CLOSE_WINDOW, *range(KERNELS)[CLOSE_DIRECTION]]
+VARIANTS = {
+    "as-it-is": Variant(),
+    "another-seed": Variant(("seed=1",)),
+    "no-past": Variant(left_out=past, simulator=WithoutSkip),
+    "no-skip": Variant(simulator=WithoutSkip),
+    "no-velocities": Variant(left_out=velocities),
+    "no-density-factors": Variant(left_out=density),
+    "no-directions": Variant(left_out=kernels(DIRECTIONS)),
+    "no-close-window": Variant(left_out=kernels(CLOSE)),
+    "no-symmetry": Variant(turned=False),
+    "15-scenes": Variant(scenes=15),
+    "50-scenes": Variant(scenes=50),
+    "3-layers": Variant(("layers=3",)),
+    "4-layers": Variant(("layers=4",)),
+    "7-layers": Variant(("layers=7",)),
+    "16-channels": Variant(("width=16", "messages=8")),
+    "48-channels": Variant(("width=48", "messages=24")),
+    "told-of-all": Variant(("messages=32",)),
+    "radius-0.05": Variant(("radius=0.05",)),
+    "no-noise": Variant((PHASES.replace("3.0e-4", "0"),)),
+    "noise-1e-3": Variant((PHASES.replace("3.0e-4", "1.0e-3"),)),
+    "single-frames": Variant((f"phases=[{SINGLE.replace('0.6', '1')}]",)),
+    "loss-of-one": Variant((PHASES.replace("unroll: 2", "unroll: 1"),)),
+    "loss-of-four": Variant((PHASES.replace("unroll: 2", "unroll: 4"),)),
+    "no-density-term": Variant((PHASES.replace("density: 5.0", "density: 0"),)),
+}
+
+
+def hold(weight: Tensor, which: object) -> None:
+    """Keep some elements of a weight at zero for good."""
+    free = torch.ones_like(weight)
+    free[which] = 0
+    with torch.no_grad():
+        weight.mul_(free)
+    weight.register_hook(lambda gradient: gradient * free)
+
+
+def run_variant(variant: Variant, data: Path, validation: Path, folder: Path, steps: int) -> None:
+    """Train it from scratch and judge it once, at the end."""
+    common = [f"steps={steps}", f"judge_every={steps}", "judge_scenes=6", "judge_frames=300", PHASES]
+    config = load_config("fast", [*common, "stop=null", *variant.overrides])
+    with ExitStack() as stack:
+        stack.enter_context(patch.dict(KINDS, {Simulator.kind: variant.simulator}))
+        if not variant.turned:
+            stack.enter_context(patch.object(windows_module, "symmetry", lambda random: torch.eye(3)))
+        run = Run(config, folder)
+        parts: nn.Module = run.model.network
+        for weight, which in variant.left_out(parts):
+            hold(weight, which)
+        run.average.load_state_dict(run.model.state_dict())
+        source = Windows(data)
+        if variant.scenes is not None:
+            source.paths = source.paths[: variant.scenes]
+        train(run, source, validation)
+
+
+def main() -> None:
+    """Train what is not there yet, print a row for each."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("data", type=Path)
+    parser.add_argument("validation", type=Path)
+    parser.add_argument("--only", nargs="+", choices=VARIANTS, default=list(VARIANTS), metavar="NAME")
+    parser.add_argument("--steps", type=int, default=3000)
+    parser.add_argument("-o", "--out", type=Path, default=Path("runs/ablations"))
+    arguments = parser.parse_args()
+    torch.set_num_threads(1)
+    print(f"{'':<20}{'Chamfer, m':>12}{'height, mm':>12}{'energy':>8}{'guarded, %':>12}{'training, s':>12}")
+    for name in arguments.only:
+        folder = arguments.out / name
+        log = folder / "log.csv"
+        if not log.exists():
+            run_variant(VARIANTS[name], arguments.data, arguments.validation, folder, arguments.steps)
+        with log.open(newline="") as file:
+            *_, row = csv.DictReader(file)
+        chamfer, height, energy, guarded = (
+            float(row[key]) for key in ("chamfer", "height_error", "energy_ratio", "guarded")
+        )
+        print(
+            f"{name:<20}{chamfer:>12.4f}{1000 * height:>12.1f}{energy:>8.2f}{100 * guarded:>12.2f}{row['seconds']:>12}",
+            flush=True,
+        )
+
+
+if __name__ == "__main__":
+    main()
