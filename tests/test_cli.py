@@ -135,7 +135,7 @@ def test_a_model_is_judged_into_a_report_and_its_rollout_can_be_compared_again(t
     ],
 )
 def test_a_mistake_gets_one_line_and_status_2_and_leaves_nothing(arguments, complaint, scene, tmp_path):
-    save_file({"weight": torch.zeros(1)}, tmp_path / "old.safetensors", {"format": "surfsup-simulator-1"})
+    save_file({"weight": torch.zeros(1)}, tmp_path / "old.safetensors", {"format": "surfsup-simulator-2"})
     with h5py.File(write(tmp_path / "OTHER/00000.h5", *free_fall(2), scene=FALL.with_frames(2)), "r+") as file:
         file.attrs["radius"] = 0.025
     before = sorted(os.listdir(tmp_path))

@@ -206,7 +206,7 @@ def test_what_acts_and_how_neighbours_lie_are_the_documented_columns():
     seen = graph(ahead, neighbourhood(ahead, 0.061), 0.061)
     acts, lie = observe_features(state, ahead, *surroundings.distance_and_normal(ahead), surroundings, seen)
     assert (acts.shape, lie.shape) == ((1, ACTIONS), (1, SURROUNDINGS))
-    near = 1 - 0.05 / 0.09
+    near = 1 - 0.05 / 0.06
     expected = torch.zeros(ACTIONS)
     expected[6:11] = torch.tensor([near, 0, 0, near, -3 * near])
     torch.testing.assert_close(acts[0], expected, atol=1e-4, rtol=0)
@@ -242,5 +242,5 @@ def test_any_network_leaves_a_free_fall_alone():
 
 
 def test_nearness_is_one_at_contact_and_nothing_out_of_reach():
-    distance = torch.tensor([-1.0, -0.09, 0.0, 0.045, 0.09, 1.0, torch.inf])
+    distance = torch.tensor([-1.0, -0.06, 0.0, 0.03, 0.06, 1.0, torch.inf])
     torch.testing.assert_close(nearness(distance), torch.tensor([2.0, 2.0, 1.0, 0.5, 0.0, 0.0, 0.0]))

@@ -59,6 +59,7 @@ def test_a_file_can_be_like_a_preset(tmp_path):
         ("fast", "history=4", "'history' is no size of kind 'convolution'"),
         ("fast", "size=paper", "kind 'convolution' has no sizes by name"),
         ("fast", "precision=bf16", "kind 'convolution' computes in precision 32 only"),
+        ("surfsup", "phases=[{until: 1, calm: 1}]", "kind 'surfsup' has no calm term"),
         ("surfsup", "phases=[{until: 1, energy: 1}]", "kind 'surfsup' has no energy term"),
         ("fast", "messages=33", "messages is 33, but must be 1 to 32, the width"),
         ("surfsup", "history=1000", "history is 1000"),

@@ -18,9 +18,8 @@ from surfsup.model.kinds import KINDS
 from surfsup.model.learned_simulator import LearnedSimulator, Sizes
 from surfsup.model.seen import Seen
 
-FORMAT = "surfsup-simulator-2"
+FORMAT = "surfsup-simulator-3"
 DEFAULT_MODEL = "fast"
-FIRST_KIND = "convolution"  # of files from before there was another, which name none
 
 
 @dataclass(frozen=True)
@@ -80,7 +79,7 @@ def load(path: Path) -> tuple[LearnedSimulator, Card]:
                     f"{path}: holds '{header.get('format', 'something else')}', not weights of a simulator "
                     f"of this version ('{FORMAT}')"
                 )
-            kind = KINDS.get(header.get("kind", FIRST_KIND))
+            kind = KINDS.get(header["kind"])
             if kind is None:
                 raise InputError(
                     f"{path}: is of a simulator of kind '{header['kind']}', which this version does not know; "

@@ -46,6 +46,7 @@ class Phase(BaseModel):
         noise: metres; largest spread of the noise on the first state.
         energy: weight of the energy term; only the convolution has one.
         density: weight of the density term.
+        calm: weight of the term on small errors; only the convolution has one.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
@@ -57,6 +58,7 @@ class Phase(BaseModel):
     noise: Amount = 1e-4
     energy: Amount = 0.0
     density: Amount = 0.0
+    calm: Amount = 0.0
 
 
 class TrainingConfig(BaseModel):
@@ -137,8 +139,9 @@ class TrainingConfig(BaseModel):
             if self.precision != "32":
                 raise ValueError(f"kind '{self.kind}' computes in precision 32 only")
         else:
-            if any(phase.energy > 0 for phase in self.phases):
-                raise ValueError(f"kind '{self.kind}' has no energy term; leave 'energy' out of the phases")
+            for term in ("energy", "calm"):
+                if any(getattr(phase, term) > 0 for phase in self.phases):
+                    raise ValueError(f"kind '{self.kind}' has no {term} term; leave '{term}' out of the phases")
         _ = self.architecture
         return self
 

@@ -46,6 +46,15 @@ def test_squeezing_costs_what_the_phase_weighs_it(run, data):
     torch.testing.assert_close(dear - plain, 2 * torch.stack(squeezed).mean(), rtol=1e-3, atol=1e-4)
 
 
+def test_small_errors_cost_what_the_phase_weighs_them(run, data):
+    windows = batch_of(run, data).windows
+    plain, calm, calmer = (
+        run.objective(Batch(windows, fresh()), Phase(until=1, noise=0, calm=weight))[0] for weight in (0, 1, 2)
+    )
+    assert calm > plain
+    torch.testing.assert_close(calmer - plain, 2 * (calm - plain))
+
+
 def test_noise_is_on_a_copy_and_never_larger_than_asked_for(run, data):
     random, state = np.random.default_rng(0), state_of(run, data)
     before = {name: value.clone() for name, value in vars(state).items()}

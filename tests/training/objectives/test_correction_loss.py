@@ -8,8 +8,10 @@ from surfsup.model.features import DISPLACEMENT_SCALE
 from surfsup.model.simulator import Architecture, Simulator
 from surfsup.model.state import FRAME_TIME, State, Surroundings
 from surfsup.training.objectives.correction_loss import (
+    CALM,
     ENERGY_CELL,
     RETURN,
+    calm_loss,
     energy_loss,
     motion_loss,
     wanted_correction,
@@ -87,6 +89,24 @@ def test_motion_loss_worked_by_hand():
     assert float(motion_loss(nothing, wanted, near)) == pytest.approx((2 * 9 + 0) / 3 / size)
 
 
+def test_calm_loss_worked_by_hand():
+    nothing = Correction(torch.zeros(2, 3), torch.zeros(2, 3))
+    # The first is off by CALM in its velocity, the second not at all: ln 2 and 0.
+    wanted = Correction(torch.tensor([[CALM, 0, 0], [0, 0, 0]]), torch.zeros(2, 3))
+    assert float(calm_loss(nothing, wanted)) == pytest.approx(math.log(2) / 2)
+
+
+def test_halving_an_error_is_worth_the_same_to_the_calm_loss_whether_it_is_large_or_small():
+    def gain(size: float) -> float:
+        wanted = Correction(torch.full((5, 3), size), torch.full((5, 3), size))
+        off, half = (Correction(share * wanted.velocity, share * wanted.position) for share in (0, 0.5))
+        return float(calm_loss(off, wanted) - calm_loss(half, wanted))
+
+    assert gain(100.0) == pytest.approx(math.log(4), rel=1e-3)
+    assert gain(1.0) == pytest.approx(math.log(4), rel=2e-3)
+    assert gain(CALM / 100) < 1e-2
+
+
 def speeds(*values: float) -> torch.Tensor:
     return SPEED * torch.tensor([[value, 0.0, 0.0] for value in values])
 
@@ -132,3 +152,4 @@ def test_losses_have_the_gradients_of_finite_differences():
     wanted, near = Correction(draw(), draw()), torch.tensor([True, False] * 3)
     predicted = draw().requires_grad_(), draw().requires_grad_()
     assert torch.autograd.gradcheck(lambda v, x: motion_loss(Correction(v, x), wanted, near), predicted)
+    assert torch.autograd.gradcheck(lambda v, x: calm_loss(Correction(v, x), wanted), predicted)

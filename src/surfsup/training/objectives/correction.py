@@ -15,6 +15,7 @@ from surfsup.model.state import FRAME_TIME, State
 from surfsup.training.config import Phase
 from surfsup.training.objectives.correction_loss import (
     NEAR_SURFACE,
+    calm_loss,
     energy_loss,
     motion_loss,
     squared_error,
@@ -58,6 +59,8 @@ class CorrectionObjective(Objective):
                 loss = loss + phase.energy / (1 + size) * energy_loss(
                     reached[-1][1], true_velocities, true_positions, shift
                 )
+            if phase.calm > 0:
+                loss = loss + phase.calm * calm_loss(correction, wanted)
             if phase.density > 0:
                 loss = loss + phase.density * density_loss(reached[-1][0], view.graph.neighbourhood)
             error = squared_error(correction, wanted)

@@ -18,6 +18,7 @@ NEAR_WEIGHT = 2.0
 RETURN = 0.3  # of the distance strayed from the truth that a frame is asked to make good
 FLOOR = 0.05  # of a frame's mean squared correction: keeps frames at rest from dominating
 ENERGY_CELL = 0.12  # metres
+CALM = 0.03  # of a correction's unit: errors below count for nothing in the calm term
 
 
 def wanted_correction(seen: Observation, before: Frame, after: Frame) -> Correction:
@@ -55,6 +56,15 @@ def motion_loss(predicted: Correction, wanted: Correction, near: Tensor) -> Tens
     # Without a gradient: else a frame could be made to look easier by straying further in the one before.
     size = wanted.velocity.detach().square().sum(dim=-1).mean()
     return (weight * error).sum() / weight.sum() / (size + FLOOR).sqrt()
+
+
+def calm_loss(predicted: Correction, wanted: Correction) -> Tensor:
+    """Logarithm of the squared error, so that halving a small one is worth as much as halving a large one.
+
+    Beside an impact a fall and a pool at rest weigh nothing in a squared error. But they last: hundredths of a
+    millimetre a frame on the way down are millimetres at the impact, and these decide where the splash goes.
+    """
+    return torch.log1p(squared_error(predicted, wanted) / CALM**2).mean()
 
 
 def squared_error(predicted: Correction, wanted: Correction) -> Tensor:
