@@ -164,8 +164,8 @@ def test_an_interrupt_in_the_middle_of_writing_doubles_nothing(tmp_path, monkeyp
     write_values = module.write_chunks
     interrupted = []
 
-    def interrupt_once(data, place, values):
-        write_values(data, place, values)
+    def interrupt_once(data, *given):
+        write_values(data, *given)
         if not interrupted:
             interrupted.append(data.name)
             raise KeyboardInterrupt

@@ -162,14 +162,16 @@ class TrajectoryWriter:
             for name in ("position", "velocity")
         ]
         group["particle_type"] = np.full(particles, FLUID_TYPE, dtype=np.int64)
-        self._particles = particles
+        # What waits to be written, and room to pack a chunk in: the same memory again and again stays in the cache.
+        self._block = np.empty((2, FRAMES_PER_FLUSH, particles, 3), dtype=np.float32)
+        self._shuffled = np.empty((4, FRAMES_PER_CHUNK * particles * 3), dtype=np.uint8)
         self._written = 0
-        self._waiting: list[np.ndarray] = []
+        self._waiting = 0
 
     @property
     def frames(self) -> int:
         """How many there are, those that wait to be written among them."""
-        return self._written + len(self._waiting)
+        return self._written + self._waiting
 
     def note(self, topic: str, values: Mapping[str, object]) -> None:
         """Keep ``values`` (numbers, texts, arrays) in the file as attributes of a group named ``topic``."""
@@ -182,14 +184,16 @@ class TrajectoryWriter:
             InputError: the disk is full.
             ValueError: a shape is not (N, 3).
         """
-        frame = np.empty((2, self._particles, 3), dtype=np.float32)
+        frame = self._block[:, self._waiting]
         for kept, given in zip(frame, (positions, velocities), strict=True):
             if np.shape(given) != kept.shape:
                 raise ValueError(f"a frame is of shape {np.shape(given)} instead of {kept.shape}")
             kept[:] = given
-        frame[1] = np.round(frame[1] / VELOCITY_STEP) * VELOCITY_STEP
-        self._waiting.append(frame)
-        if len(self._waiting) == FRAMES_PER_FLUSH:
+        frame[1] /= VELOCITY_STEP
+        np.round(frame[1], out=frame[1])
+        frame[1] *= VELOCITY_STEP
+        self._waiting += 1
+        if self._waiting == FRAMES_PER_FLUSH:
             self.flush()
 
     def flush(self) -> None:
@@ -200,20 +204,20 @@ class TrajectoryWriter:
         """
         if not self._waiting:
             return
-        frames = np.stack(self._waiting, axis=1)
+        frames = self._block[:, : self._waiting]
         # HDF5 cannot recover from a disk that fills up under it (closing the file crashes), so ask first.
         self._check_room(frames.nbytes + SPARE_BYTES)
         try:
             for data, values in zip(self._sets, frames, strict=True):
-                data.resize(self._written + len(self._waiting), axis=0)
-                write_chunks(data, self._written, values)
+                data.resize(self.frames, axis=0)
+                write_chunks(data, self._written, values, self._shuffled)
             self._file.flush()
         except (OSError, RuntimeError) as error:
             raise InputError(f"{self._path}: cannot be written ({one_line(error)})") from None
-        # A chunk that is not full yet is written again with the frames that are to come.
-        whole = len(self._waiting) - len(self._waiting) % FRAMES_PER_CHUNK
-        # Both at once, for an interrupt that comes between them would have frames counted twice.
-        self._written, self._waiting = self._written + whole, self._waiting[whole:]
+        # A block that is not full yet is written again with the frames that are to come.
+        if self._waiting == FRAMES_PER_FLUSH:
+            # Both at once, for an interrupt that comes between them would have frames counted twice.
+            self._written, self._waiting = self.frames, 0
 
     def _check_room(self, needed: int) -> None:
         try:
@@ -236,14 +240,21 @@ class TrajectoryWriter:
             self._file.close()
 
 
-def write_chunks(data: h5py.Dataset, first: int, frames: np.ndarray) -> None:
-    """Write ``frames`` (K, N, 3) float32 from place ``first`` on, which is where a chunk begins."""
+def write_chunks(data: h5py.Dataset, first: int, frames: np.ndarray, shuffled: np.ndarray) -> None:
+    """Write ``frames`` (K, N, 3) float32 from place ``first`` on, which is where a chunk begins.
+
+    Args:
+        data: the data set in the file.
+        first: its frame that the first of ``frames`` becomes.
+        frames: where they are contiguous no copy of them is made.
+        shuffled: (4, FRAMES_PER_CHUNK * N * 3) uint8, room to pack in.
+    """
     for start in range(0, len(frames), FRAMES_PER_CHUNK):
-        chunk = np.zeros(data.chunks, dtype=np.float32)
-        part = frames[start : start + FRAMES_PER_CHUNK]
-        chunk[: len(part)] = part
-        # HDF5's shuffle: the first bytes of all values, then the second ones, and so on.
-        shuffled = np.ascontiguousarray(chunk.reshape(-1).view(np.uint8).reshape(-1, chunk.itemsize).T)
+        chunk = frames[start : start + FRAMES_PER_CHUNK]
+        # HDF5's shuffle: the first bytes of all values, then the second ones, and so on; a chunk ends in zeros.
+        bytes_of = np.ascontiguousarray(chunk).reshape(-1).view(np.uint8).reshape(-1, shuffled.shape[0]).T
+        shuffled[:, : bytes_of.shape[1]] = bytes_of
+        shuffled[:, bytes_of.shape[1] :] = 0
         data.id.write_direct_chunk((first + start, 0, 0), isal_zlib.compress(shuffled, PACKING))
 
 

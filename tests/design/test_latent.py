@@ -36,7 +36,7 @@ def balls(tmp_path_factory) -> Path:
 def task(balls, monkeypatch) -> Task:
     monkeypatch.setattr("surfsup.sdf.neural.LATTICE_RESOLUTION", 24)
     monkeypatch.setattr("surfsup.design.paper.latent.WATER", (0.18, 0.09))
-    return latent(balls, "ball-0.7", frames=22)
+    return latent(balls, "ball-0.7", frames=16)
 
 
 def test_gradients_flow_into_the_code(task, simulator):
@@ -48,8 +48,8 @@ def test_gradients_flow_into_the_code(task, simulator):
         moved = {"code": values["code"].detach() + torch.tensor([step, 0.0])}
         with torch.no_grad():
             ends.append(float(task.score(task.simulate(simulator, moved, task.water()))))
-    # The lattice is of another code on either side, so they agree in sign and size, not in every digit.
-    assert float(gradient[0]) == pytest.approx((ends[0] - ends[1]) / 0.1, rel=0.3)
+    # The lattice is of another code on either side; and as water splashes a gradient says less and less of a slope.
+    assert float(gradient[0]) == pytest.approx((ends[0] - ends[1]) / 0.1, rel=0.1)
 
 
 def test_the_code_climbs_and_can_be_resumed(task, simulator, tmp_path):
