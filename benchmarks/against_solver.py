@@ -182,7 +182,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--particles", type=int, nargs="+", default=[3000, 50000])
     parser.add_argument("--threads", type=int, nargs="+", default=[1, 2])
-    parser.add_argument("--frames", type=int, default=200, help="the first 70 are a fall, the easiest for the solver")
+    parser.add_argument("--frames", type=int, default=200, help="the first 20 are a fall, the easiest for the solver")
     parser.add_argument("--model", default=None)
     parser.add_argument(
         "--torch", action=argparse.BooleanOptionalAction, default=True, help="also without the native step"

@@ -81,6 +81,21 @@ class TestMeasuredSlopes:
             measured(trust, ascent(), torch.tensor(slope))
             assert trust.doubted == doubted
 
+    def test_are_looked_for_ever_farther_off_where_the_climb_stands_still(self):
+        def trap(place):
+            return float((place - 5).abs().max().clamp(min=1.5) - 3 * ((place - 5).abs().max() < 1.5))
+
+        one, trust, asked = ascent(), Trust(), []
+        for _ in range(4):
+            one.take(torch.zeros(2))  # it does not move
+            measured(trust, one, torch.tensor([1.0, 0.0]), lambda place: asked.append(place) or trap(place))
+        reached = [float((place - 5).abs().max()) for place in asked]
+        assert reached[0] == 0 and max(reached) == pytest.approx(4.0, abs=1e-4)
+        assert trust.still == 4
+        one.take(torch.tensor([1.0, 0.0]))
+        measured(trust, one, torch.tensor([1.0, 0.0]))
+        assert trust.still == 0
+
     def test_go_as_far_as_the_ranges_do(self):
         found = measured(Trust(), ascent(upper=0.5), torch.tensor([1.0, 1.0]), lambda place: float(2 * place.sum()))
         assert found.slope.tolist() == pytest.approx([2.0, 2.0], abs=1e-4)

@@ -36,6 +36,7 @@ def save(run: DesignRun) -> None:
         "cut": ascent.cut,
         "doubted": int(run.trust.doubted),
         "broken": run.trust.broken,
+        "still": run.trust.still,
         "simulations": run.simulations,
         "seconds": run.seconds,
         "work": run.work,
@@ -61,6 +62,7 @@ def resume(run: DesignRun) -> None:
         ascent.memory = {name: tensors[f"ascent.{name}"] for name in ascent.memory}
         run.trust.memory = part_of(tensors, "trust.")
         run.trust.doubted, run.trust.broken = bool(counters["doubted"]), counters["broken"]
+        run.trust.still = counters["still"]
         ascent.iteration, ascent.cut = counters["iteration"], counters["cut"]
         ascent.lengths, run.rewards = tensors["lengths"].tolist(), tensors["rewards"].tolist()
         run.found_after, run.simulations = tensors["found_after"].tolist(), counters["simulations"]

@@ -6,7 +6,8 @@ gradient says that it falls. And on rough ground it may be zero by chance. Rollo
 a sixteenth of a gradient. So where a gradient is in doubt, the slopes along two directions are measured over about a
 step, and take its part along these; of two parameters that is all of it. In the other directions it stays (a control
 variate; compare guided evolution strategies, Maheswaranathan et al. 2019). Where the rewards bend down on both sides in
-every direction, the climb leaps to the top of their parabolas.
+every direction, the climb leaps to the top of their parabolas. Where it stands still they are looked for ever farther
+off, for a trap narrower than a step is not where to stay.
 """
 
 from __future__ import annotations
@@ -26,6 +27,7 @@ MOST_BROKEN = 2  # in a row, from which gradients are doubted
 AT_STAKE = 0.02  # of all that was gained so far: less than that breaks no promise
 LITTLE = 0.1  # of the usual: a gradient that promises less is doubted
 NARROWEST = 0.1  # of a step: over less no slope is measured, for the ground is rough
+WIDEST = 4.0  # steps over which a slope is measured at most, where the climb stands still
 
 Score = Callable[[Tensor], float | None]
 
@@ -36,11 +38,12 @@ class Trust:
     Attributes:
         doubted: whether they are in doubt.
         broken: promises broken in a row.
+        still: measurements in a row before which the climb had hardly moved.
         memory: of the iteration before, by name: ``reward`` (), ``slope`` (P,), ``place`` (P,); empty at first.
     """
 
     def __init__(self) -> None:
-        self.doubted, self.broken = False, 0
+        self.doubted, self.broken, self.still = False, 0, 0
         self.memory: dict[str, Tensor] = {}
 
     def weigh(self, ascent: Ascent, slope: Tensor, reward: float, gained: float) -> bool:
@@ -81,7 +84,10 @@ class Trust:
             random: of the second direction; the first is uphill.
         """
         place, free = ascent.place, ascent.free
-        far = torch.where(ascent.memory["move"] == 0, 1.0, ascent.memory["move"].abs().clamp(NARROWEST, 1.0)) * free
+        moved = ascent.memory["move"].abs()
+        self.still = self.still + 1 if ascent.iteration and float(moved.max()) < NARROWEST else 0
+        far = torch.where(moved == 0, 1.0, moved.clamp(NARROWEST, 1.0))
+        far = (far * 2.0**self.still).clamp(max=WIDEST) * free
         first = torch.where(slope == 0, 1.0, slope.sign()) * far
         second = torch.from_numpy(random.standard_normal(len(far))).to(far) * far
         second = second - (second @ first) / (first @ first).clamp(min=1e-30) * first
