@@ -131,7 +131,7 @@ VARIANTS = {
     "15-scenes": Variant(scenes=15),
     "50-scenes": Variant(scenes=50),
     "3-layers": Variant(("layers=3",)),
-    "4-layers": Variant(("layers=4",)),
+    "5-layers": Variant(("layers=5",)),
     "7-layers": Variant(("layers=7",)),
     "16-channels": Variant(("width=16", "messages=8")),
     "48-channels": Variant(("width=48", "messages=24")),
