@@ -19,7 +19,7 @@ from unittest.mock import patch
 
 import numpy as np
 import torch
-from torch import Tensor, nn
+from torch import Tensor
 
 from surfsup.datasets import windows as windows_module
 from surfsup.datasets.windows import Windows
@@ -164,8 +164,7 @@ def run_variant(variant: Variant, data: Path, validation: Path, folder: Path, st
         if not variant.turned:
             stack.enter_context(patch.object(windows_module, "symmetry", lambda random: torch.eye(3)))
         run = Run(config, folder)
-        parts: nn.Module = run.model.network
-        for weight, which in variant.left_out(parts):
+        for weight, which in variant.left_out(run.model.network):
             hold(weight, which)
         run.average.load_state_dict(run.model.state_dict())
         source = Windows(data)

@@ -12,7 +12,7 @@ from surfsup import native
 from surfsup.model.state import Surroundings
 
 # Metres from solid and walls to a particle's middle, where the guard begins. The solver's own water comes no nearer
-# than 21.8 mm (measured): what lies between are the network's errors, which it mends by itself in the next frames.
+# than 21.8 mm (13 scenes): what lies between are the network's errors, which it mends by itself in the next frames.
 CLEARANCE = 0.020
 ROUNDS = 4
 TOLERANCE = 1e-5  # metres that a particle may stay short of its clearance
