@@ -52,7 +52,7 @@ class Replay:
 
     def start(self, positions: torch.Tensor, velocities: torch.Tensor, around: object) -> State:
         """It starts where its first frame is, whatever it is told."""
-        return State.in_free_fall(positions, velocities, around.gravity)
+        return State(positions, velocities)
 
     def rollout(self, state, around, frames, guarded=True) -> Iterator[tuple[State, torch.Tensor]]:
         """The given frames, whatever the state."""

@@ -40,12 +40,8 @@ def stirred(count: int, seed: int = 0, low: float = 0.62, side: float = 0.2) -> 
     """Water in a cube, its parts as unlike each other as they are after an impact."""
     random = torch.Generator().manual_seed(seed)
 
-    def draw(size: float) -> torch.Tensor:
-        return size * torch.randn(count, 3, generator=random)
-
     positions = torch.rand(count, 3, generator=random) * side + torch.tensor([0.0, 0.0, low])
-    velocities = draw(1.0)
-    return State(positions, velocities, FRAME_TIME * velocities + draw(1e-3), draw(0.3))
+    return State(positions, torch.randn(count, 3, generator=random))
 
 
 def moved(state: State, *by: float) -> State:
@@ -197,18 +193,29 @@ def test_several_threads_of_python_may_step_at_once():
 
 @every_path
 @pytest.mark.parametrize("broken", [float("nan"), float("inf")])
-def test_what_is_no_number_harms_only_those_that_see_it(path, broken):
+@pytest.mark.parametrize("name", ["positions", "velocities"])
+def test_a_place_that_is_no_number_is_refused(path, name, broken):
+    state = stirred(60)
+    getattr(state, name)[3, 1] = broken
+    with pytest.raises(SimulationError, match="not a finite number"):
+        take(model(), state, around(BALL), path)
+
+
+class Torn(Transformed):
+    """A solid whose distance from the fourth point is no number."""
+
+    def distance_and_normal(self, points: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+        distance, normal = super().distance_and_normal(points)
+        return distance.index_fill(0, torch.tensor([3]), float("nan")), normal
+
+
+@every_path
+def test_a_distance_that_is_no_number_harms_only_those_that_see_it(path):
     here, there = stirred(60), stirred(60, 1, low=1.5)
     state = State(*(torch.cat(pair) for pair in zip(vars(here).values(), vars(there).values(), strict=True)))
     simulator = model()
     whole = take(simulator, state, around(BALL), path)
-    state.positions[3, 1] = broken
-    with pytest.raises(SimulationError, match="not a finite number"):
-        take(simulator, state, around(BALL), path)
-    # The last displacement is not looked at beforehand: the answer has no number where it reaches.
-    state.positions[3, 1] = 0.1
-    state.displacement[3, 1] = broken
-    positions, velocities = take(simulator, state, around(BALL), path)
+    positions, velocities = take(simulator, state, around(Torn(Sphere(0.3), None, (0.0, 0.0, 0.3))), path)
     assert not torch.isfinite(positions[3]).all()
     assert torch.equal(positions[60:], whole[0][60:])
     assert torch.equal(velocities[60:], whole[1][60:])
@@ -271,8 +278,8 @@ def test_torch_takes_over_where_a_gradient_or_more_precision_is_wanted():
 def test_sizes_that_do_not_fit_are_refused():
     simulator, state, place = model(), stirred(10), around()
     network = simulator.native.network_of(simulator)
-    array = {name: value.numpy() for name, value in vars(state).items()}
-    rest = {
+    arrays = {
+        "velocities": state.velocities.numpy(),
         "ahead": state.positions.numpy(),
         "distance": torch.zeros(9).numpy(),
         "normal": state.positions.numpy(),
@@ -281,6 +288,6 @@ def test_sizes_that_do_not_fit_are_refused():
         "new_velocities": state.positions.clone().numpy(),
     }
     with pytest.raises(ValueError, match="distance has 9 rows for 10 particles"):
-        network.step(**array, **rest, path=native.paths()[0], threads=1, most_edges=1000)
+        network.step(**arrays, path=native.paths()[0], threads=1, most_edges=1000)
     with pytest.raises(ValueError, match="cannot go the path 'cray'"):
-        network.step(**array, **{**rest, "distance": torch.zeros(10).numpy()}, path="cray", threads=1, most_edges=1000)
+        network.step(**{**arrays, "distance": torch.zeros(10).numpy()}, path="cray", threads=1, most_edges=1000)

@@ -30,9 +30,7 @@ def write_fall(path, scene: Scene) -> None:
     simulator = Simulator(Architecture(width=2, layers=1))
     for parameter in simulator.parameters():
         torch.nn.init.zeros_(parameter)
-    state = State.in_free_fall(
-        torch.from_numpy(start.positions), torch.from_numpy(start.particle_velocities), around.gravity
-    )
+    state = State(torch.from_numpy(start.positions), torch.from_numpy(start.particle_velocities))
     with TrajectoryWriter(path, scene, Provenance("guarded fall"), len(start.positions)) as writer:
         for now, _ in simulator.rollout(state, around, scene.frames):
             writer.append(now.positions.numpy(), now.velocities.numpy())

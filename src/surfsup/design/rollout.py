@@ -20,7 +20,7 @@ from surfsup.errors import SimulationError
 from surfsup.model.simulator import Simulator
 from surfsup.model.state import State, Surroundings
 
-FLUID_TENSORS = 5  # four of the state, and the positions of all
+FLUID_TENSORS = 3  # two of the state, and the positions of all
 Particles = tuple[Tensor, Tensor]  # positions (N, 3) in metres and velocities (N, 3) in m/s
 
 
@@ -65,7 +65,7 @@ class Fluid:
 def begin(water: Water, around: Surroundings) -> Fluid:
     """The fluid at frame 0."""
     everyone = water.every_particle()
-    state = State.in_free_fall(water.positions, water.velocities, around.gravity)
+    state = State(water.positions, water.velocities)
     return Fluid(
         state,
         torch.arange(len(water.positions), device=everyone.device),
@@ -126,13 +126,12 @@ def chosen(state: State, which: Tensor) -> State:
 
 
 def entered(fluid: Fluid, water: Water, around: Surroundings, frame: int) -> Fluid:
-    """The fluid with those who enter at the end of ``frame``, whose unseen past was a free fall."""
+    """The fluid with those who enter at the end of ``frame``."""
     if frame not in water.entering:
         return fluid
-    positions, velocities = water.entering[frame]
-    new = State.in_free_fall(positions, velocities, around.gravity)
+    new = State(*water.entering[frame])
     first = len(water.positions) + sum(len(water.entering[earlier][0]) for earlier in water.entering if earlier < frame)
-    numbers = torch.arange(first, first + len(positions), device=positions.device)
+    numbers = torch.arange(first, first + len(new.positions), device=new.positions.device)
     state = State(*(torch.cat([getattr(fluid.state, name), value]) for name, value in vars(new).items()))
     return Fluid(state, torch.cat([fluid.members, numbers]), fluid.positions, fluid.landed)
 
@@ -187,7 +186,7 @@ class Repeated(torch.autograd.Function):
 
     @staticmethod
     def forward(context: Any, stretch: Stretch, *tensors: Tensor) -> tuple[Tensor, ...]:
-        """Four tensors of the state, the positions of all, then those of the shape, which the surface holds too."""
+        """Two tensors of the state, the positions of all, then those of the shape, which the surface holds too."""
         context.stretch = stretch
         context.save_for_backward(*tensors)
         return stretch.run(tensors[:FLUID_TENSORS])

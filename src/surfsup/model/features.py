@@ -6,7 +6,7 @@ import torch
 from torch import Tensor
 
 from surfsup.model.convolution import CLOSE_DIRECTION, CLOSE_WINDOW, KERNELS, Graph, kernel_sums
-from surfsup.model.state import FRAME_TIME, State, Surroundings, free_fall_lag
+from surfsup.model.state import FRAME_TIME, State, Surroundings
 
 # Metres beyond which a solid is not felt: the support of the solver's kernel, four particle radii. Told of what is
 # farther off, the model pushed water in free fall along a wall aside, by millimetres until the impact (measured).
@@ -18,22 +18,14 @@ VELOCITY_SCALE = 1.0  # m/s
 THICKEST = (3.2, 1.8, 2.5, 2.5, 2.5, 1.5, 1.5, 1.5)
 CROWDED = 0.6  # sum of the close window above which neighbours are nearer than on the lattice, where it is 0.53
 
-ACTIONS = 51
+ACTIONS = 45
 SURROUNDINGS = KERNELS
-
-
-def lag(state: State, gravity: Tensor) -> Tensor:
-    """How much faster a particle ends a frame than its displacement tells (N, 3), in DISPLACEMENT_SCALE.
-
-    It is zero in free fall; after a push late in the frame it holds what the next displacement will show.
-    """
-    return (FRAME_TIME * state.velocities - state.displacement - free_fall_lag(gravity)) / DISPLACEMENT_SCALE
 
 
 def observe_features(
     state: State, ahead: Tensor, distance: Tensor, normal: Tensor, around: Surroundings, graph: Graph
 ) -> tuple[Tensor, Tensor]:
-    """What acts on every particle (N, 51), and how its neighbours lie (N, 8).
+    """What acts on every particle (N, 45), and how its neighbours lie (N, 8).
 
     No velocity is told as it is, only against neighbours, the solid and the walls: so what happens inside the
     fluid does not depend on how fast all of it moves. In a free fall away from everything nothing acts.
@@ -46,13 +38,11 @@ def observe_features(
         around: container and gravity.
         graph: the neighbours at ``ahead``.
 
-    The columns of what acts: lag (3), change of velocity beyond gravity (3), nearness to the solid (1), its normal
-    times that (3), speed away from the solid times that (1), nearness to the six walls (6), speed away from each times
-    that (6), kernel sums of the neighbours' velocity against the particle's own (24), crowding (1) and its
-    direction (3). How the neighbours lie: kernel sums of one (8), that is density and its slope, no larger than in true
+    The columns of what acts: nearness to the solid (1), its normal times that (3), speed away from the solid times that
+    (1), nearness to the six walls (6), speed away from each times that (6), kernel sums of the neighbours' velocity
+    against the particle's own (24), crowding (1) and its direction (3). How the neighbours lie: kernel sums of one (8), that is density and its slope, no larger than in true
     water.
     """
-    pushed = FRAME_TIME * (state.velocity_change - FRAME_TIME * around.gravity) / DISPLACEMENT_SCALE
     near_solid = nearness(distance)[:, None]
     from_solid = (state.velocities * normal).sum(dim=-1, keepdim=True)
     walls = nearness(torch.cat([ahead - around.lower, around.upper - ahead], dim=-1))
@@ -64,8 +54,6 @@ def observe_features(
     crowding = (density[:, CLOSE_WINDOW : CLOSE_WINDOW + 1] - CROWDED).clamp(min=0)
     acts = torch.cat(
         [
-            soft_limit(lag(state, around.gravity)),
-            soft_limit(pushed),
             near_solid,
             near_solid * normal,
             near_solid * from_solid / VELOCITY_SCALE,

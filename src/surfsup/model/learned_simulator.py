@@ -67,7 +67,7 @@ class LearnedSimulator(nn.Module, ABC, Generic[StateType]):
 
     @abstractmethod
     def start(self, positions: Tensor, velocities: Tensor, around: Surroundings) -> StateType:
-        """The state of particles (N, 3) at the start of a scene, whose unseen past was a free fall.
+        """The state of particles (N, 3) at the start of a scene, whose unseen past, where it matters, was a free fall.
 
         Args:
             positions: (N, 3), metres.

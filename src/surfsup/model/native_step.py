@@ -15,7 +15,7 @@ from surfsup.model.features import CROWDED, DISPLACEMENT_SCALE, REACH, THICKEST,
 from surfsup.model.guard import Look
 from surfsup.model.neighbours import blown_up, collapsed, most_edges
 from surfsup.model.network import ConvolutionNetwork
-from surfsup.model.state import FRAME_TIME, State, Surroundings, free_fall_drop, free_fall_lag
+from surfsup.model.state import FRAME_TIME, State, Surroundings, free_fall_drop
 
 if TYPE_CHECKING:
     from surfsup.model.simulator import Simulator
@@ -57,16 +57,16 @@ class NativeStep:
         Raises:
             SimulationError: a position is not finite, or the particles have collapsed into a clump.
         """
-        fluid = [value.contiguous().numpy() for value in vars(state).values()]
+        places, speeds = state.positions.contiguous().numpy(), state.velocities.contiguous().numpy()
         # In NumPy: torch's threads would wait for each other at every one of such small steps.
-        ahead = torch.from_numpy(fluid[0] + np.float32(FRAME_TIME) * fluid[1] + free_fall_drop(around.gravity).numpy())
+        ahead = torch.from_numpy(places + np.float32(FRAME_TIME) * speeds + free_fall_drop(around.gravity).numpy())
         distance, normal = around.distance_and_normal(ahead)
         told = (ahead, distance.float(), normal.float().contiguous(), around.gravity, around.lower, around.upper)
-        positions, velocities = np.empty_like(fluid[0]), np.empty_like(fluid[0])
+        positions, velocities = np.empty_like(speeds), np.empty_like(speeds)
         radius = simulator.architecture.radius
         most = most_edges(len(ahead), radius)
         edges = self.network_of(simulator).step(
-            *fluid, *(value.numpy() for value in told), positions, velocities, self.path, torch.get_num_threads(), most
+            speeds, *(value.numpy() for value in told), positions, velocities, self.path, torch.get_num_threads(), most
         )
         if edges < 0:
             raise blown_up()
@@ -100,7 +100,6 @@ def native_network(simulator: Simulator) -> native.Network:
         radius=simulator.architecture.radius,
         close=CLOSE,
         frame_time=FRAME_TIME,
-        fall_lag=float(free_fall_lag(torch.ones(()))),
         reach=REACH,
         displacement_scale=DISPLACEMENT_SCALE,
         velocity_scale=VELOCITY_SCALE,

@@ -11,7 +11,7 @@ from torch import Tensor
 from surfsup.model.convolution import Graph, graph, join
 from surfsup.model.correction import POSITION_SHARE, Correction
 from surfsup.model.energy import without_gain
-from surfsup.model.features import ACTIONS, SURROUNDINGS, lag, observe_features
+from surfsup.model.features import ACTIONS, SURROUNDINGS, observe_features
 from surfsup.model.guard import Look, guard
 from surfsup.model.learned_simulator import LearnedSimulator
 from surfsup.model.native_step import NativeStep
@@ -19,7 +19,7 @@ from surfsup.model.neighbours import neighbourhood
 from surfsup.model.network import ConvolutionNetwork
 from surfsup.model.state import State, Surroundings
 
-OUTPUTS = 8
+OUTPUTS = 6
 
 
 @dataclass(frozen=True)
@@ -58,7 +58,7 @@ class Observation:
         falling: (N, 3) its velocity there, m/s.
         distance: (N,) of the solid from there, metres.
         gravity: (3,) or (N, 3), m/s².
-        acts: (N, 51), what acts on each particle.
+        acts: (N, 45), what acts on each particle.
         lie: (N, 8), how its neighbours lie.
         graph: neighbours at ``ahead``.
     """
@@ -87,16 +87,16 @@ class Simulator(LearnedSimulator[State]):
 
     @property
     def past(self) -> int:
-        """One frame: the last displacement and change of velocity."""
-        return 1
+        """None: positions and velocities say enough."""
+        return 0
 
     def start(self, positions: Tensor, velocities: Tensor, around: Surroundings) -> State:
         """The state of particles (N, 3) at the start of a scene."""
-        return State.in_free_fall(positions, velocities, around.gravity)
+        return State(positions, velocities)
 
     def state_after(self, positions: Tensor, velocities: Tensor) -> State:
-        """The state at the second of two true frames (2, N, 3)."""
-        return State(positions[1], velocities[1], positions[1] - positions[0], velocities[1] - velocities[0])
+        """The state at one true frame (1, N, 3)."""
+        return State(positions[0], velocities[0])
 
     def observe(self, state: State, around: Surroundings) -> Observation:
         """See ``state``: advance it ballistically, find neighbours and distances there."""
@@ -107,16 +107,9 @@ class Simulator(LearnedSimulator[State]):
         return Observation(state, ahead, falling, distance, around.gravity, acts, lie, seen)
 
     def correct(self, seen: Observation) -> Correction:
-        """The network's correction to ballistic motion.
-
-        The particle's lag already tells most of it (0.7 to 0.8 of the variance); learned gates pass it on,
-        and the network adds the rest.
-        """
-        out = self.network(seen.acts, seen.lie, seen.graph)
-        late = lag(seen.state, seen.gravity)
-        velocity = out[:, 0:3] + 2 * torch.sigmoid(out[:, 6:7]) * late
-        position = POSITION_SHARE * velocity + 0.3 * out[:, 3:6] + (torch.sigmoid(out[:, 7:8]) - 0.5) * late
-        return Correction(velocity, position).bounded()
+        """The network's correction to ballistic motion."""
+        velocity, beyond = self.network(seen.acts, seen.lie, seen.graph).chunk(2, dim=-1)
+        return Correction(velocity, POSITION_SHARE * velocity + 0.3 * beyond).bounded()
 
     def advance(self, seen: Observation, correction: Correction) -> tuple[Tensor, Tensor]:
         """Positions (N, 3) and velocities (N, 3) one frame later, before the guard."""

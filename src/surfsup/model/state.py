@@ -1,4 +1,7 @@
-"""What the simulator knows of the fluid at the end of a frame, and of all that is around it."""
+"""What the simulator knows of the fluid at the end of a frame, and of all that is around it.
+
+Of the past it knows nothing: the reference solver, started anew from places and velocities, goes on as it would have.
+"""
 
 from __future__ import annotations
 
@@ -21,24 +24,10 @@ class State:
     Attributes:
         positions: (N, 3), metres.
         velocities: (N, 3), m/s at the end of the frame, not the frame's mean.
-        displacement: (N, 3), metres moved in the last frame.
-        velocity_change: (N, 3), m/s gained in the last frame.
     """
 
     positions: Tensor
     velocities: Tensor
-    displacement: Tensor
-    velocity_change: Tensor
-
-    @classmethod
-    def in_free_fall(cls, positions: Tensor, velocities: Tensor, gravity: Tensor) -> State:
-        """A state whose unseen last frame was a free fall, as at the start of every scene."""
-        return cls(
-            positions,
-            velocities,
-            FRAME_TIME * velocities - free_fall_lag(gravity),
-            (FRAME_TIME * gravity).expand_as(velocities),
-        )
 
     def ballistic(self, gravity: Tensor) -> tuple[Tensor, Tensor]:
         """Positions (N, 3) in metres and velocities (N, 3) in m/s one frame later if only ``gravity`` (3,) acts."""
@@ -49,20 +38,11 @@ class State:
 
     def moved_to(self, positions: Tensor, velocities: Tensor) -> State:
         """The state one frame later."""
-        return State(
-            positions, velocities, difference(positions, self.positions), difference(velocities, self.velocities)
-        )
+        return State(positions, velocities)
 
     def detach(self) -> State:
         """The same state without its gradients."""
         return replace(self, **{name: value.detach() for name, value in vars(self).items()})
-
-
-def difference(after: Tensor, before: Tensor) -> Tensor:
-    """What was gained; without gradients by NumPy, whose one thread is done before torch's have woken up."""
-    if after.device.type == "cpu" and not (after.requires_grad or before.requires_grad):
-        return torch.from_numpy(after.numpy() - before.numpy())
-    return after - before
 
 
 def free_fall_lag(gravity: Tensor) -> Tensor:

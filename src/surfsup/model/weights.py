@@ -18,7 +18,7 @@ from surfsup.model.kinds import KINDS
 from surfsup.model.learned_simulator import LearnedSimulator, Sizes
 from surfsup.model.seen import Seen
 
-FORMAT = "surfsup-simulator-3"
+FORMAT = "surfsup-simulator-4"
 DEFAULT_MODEL = "fast"
 
 

@@ -176,7 +176,6 @@ class Network:
         radius: float,
         close: float,
         frame_time: float,
-        fall_lag: float,
         reach: float,
         displacement_scale: float,
         velocity_scale: float,
@@ -193,10 +192,7 @@ class Network:
 
     def step(
         self,
-        positions: Vectors,
         velocities: Vectors,
-        displacement: Vectors,
-        velocity_change: Vectors,
         ahead: Vectors,
         distance: Values,
         normal: Vectors,

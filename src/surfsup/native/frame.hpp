@@ -11,16 +11,15 @@ namespace surfsup {
 constexpr int KERNELS = 8;
 constexpr int NEAR_KERNELS[KERNELS] = {0, 1, 2, 3, 4, 5, 6, 7};  // of neighbours that the close window feels
 constexpr int FAR_KERNELS[4] = {0, 2, 3, 4};                      // of those that it does not
-constexpr int ACTIONS = 51;                                       // what acts on a particle, see features.py
-constexpr int LIMITED = 30, LIMITED_ROOM = 32;  // of them through a soft limit; they come first in a row
-constexpr int ROW = 56;                         // room for a row of what acts
-constexpr int OUTPUTS = 8, OUTPUT_ROOM = 16;
+constexpr int ACTIONS = 45;                                       // what acts on a particle, see features.py
+constexpr int LIMITED = 24, LIMITED_ROOM = 32;  // of them through a soft limit; they come first in a row
+constexpr int ROW = 53;                         // room for a row of what acts
+constexpr int OUTPUTS = 6, OUTPUT_ROOM = 16;
 
 // Numbers of the model that are defined in Python; lengths in metres, times in seconds.
 struct Constants {
     float radius, close;         // reach of a kernel; share of it that the close window reaches
     float frame_time;            // of a step
-    float fall_lag;              // times gravity: how far free fall stays behind its end velocity times the frame time
     float reach;                 // beyond which a solid is not felt
     float displacement_scale, velocity_scale;
     float crowded;               // sum of the close window above which neighbours are too near
@@ -67,7 +66,7 @@ struct Frame {
     const float *x, *y, *z;      // sorted, where ballistic motion goes; room for 16 more
     const float* velocity;       // sorted, (count, 4), the last a one
     // as the caller counts:
-    const float *positions, *velocities, *displacement, *velocity_change, *ahead, *distance, *normal;
+    const float *velocities, *ahead, *distance, *normal;
     float gravity[3], lower[3], upper[3];
     float *new_positions, *new_velocities;
     // sorted:

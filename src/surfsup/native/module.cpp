@@ -72,7 +72,7 @@ struct HeldNetwork {
 
 void make(HeldNetwork* network, std::tuple<Weight, Weight> encoder, std::tuple<Weight, Bias, Weight, Bias> factors,
           const std::vector<std::tuple<Weight, Weight, Weight>>& layers, std::tuple<Weight, Weight> decoder, float radius,
-          float close, float frame_time, float fall_lag, float reach, float displacement_scale, float velocity_scale,
+          float close, float frame_time, float reach, float displacement_scale, float velocity_scale,
           float crowded, float position_share, float largest, const std::array<float, surfsup::KERNELS>& thickest) {
     const auto& [factor_in, factor_in_bias, factor_out, factor_out_bias] = factors;
     expect(factor_in_bias.shape(0), factor_in.shape(0), "a bias of the factors");
@@ -88,29 +88,24 @@ void make(HeldNetwork* network, std::tuple<Weight, Weight> encoder, std::tuple<W
     new (network) HeldNetwork{
         std::move(weights),
         {factor_in_bias, factor_out_bias},
-        {{radius, close, frame_time, fall_lag, reach, displacement_scale, velocity_scale, crowded, position_share,
+        {{radius, close, frame_time, reach, displacement_scale, velocity_scale, crowded, position_share,
           largest, thickest},
          matrix(encode_in), matrix(encode_out), matrix(factor_in), factor_in_bias.data(), matrix(factor_out),
          factor_out_bias.data(), all, matrix(decode_in), matrix(decode_out)}};
 }
 
-int64_t step(HeldNetwork& held, Vectors positions, Vectors velocities, Vectors displacement, Vectors velocity_change,
-          Vectors ahead, Values distance, Vectors normal, Vector gravity, Vector lower, Vector upper,
+int64_t step(HeldNetwork& held, Vectors velocities, Vectors ahead, Values distance, Vectors normal, Vector gravity, Vector lower, Vector upper,
           NewVectors new_positions, NewVectors new_velocities, const std::string& path, int threads, int64_t most_edges) {
-    const size_t count = positions.shape(0);
+    const size_t count = velocities.shape(0);
     if (count >= static_cast<size_t>(std::numeric_limits<int32_t>::max()) / 4)
         throw std::invalid_argument("there are more particles than the native step can count");
-    expect(velocities.shape(0), count, "velocities");
-    expect(displacement.shape(0), count, "displacement");
-    expect(velocity_change.shape(0), count, "velocity_change");
     expect(ahead.shape(0), count, "ahead");
     expect(distance.shape(0), count, "distance");
     expect(normal.shape(0), count, "normal");
     expect(new_positions.shape(0), count, "new_positions");
     expect(new_velocities.shape(0), count, "new_velocities");
     const surfsup::Path& chosen = path_of(path);
-    const surfsup::Fluid fluid{static_cast<int32_t>(count), positions.data(), velocities.data(), displacement.data(),
-                               velocity_change.data(), ahead.data(), distance.data(), normal.data(), gravity.data(),
+    const surfsup::Fluid fluid{static_cast<int32_t>(count), velocities.data(), ahead.data(), distance.data(), normal.data(), gravity.data(),
                                lower.data(), upper.data(), new_positions.data(), new_velocities.data()};
     const nb::gil_scoped_release unlocked;
     return held.network.step(fluid, chosen, threads, most_edges);
@@ -312,9 +307,9 @@ NB_MODULE(_native, module) {
         .def("look", look, array("points"), array("distance"), array("normal"), "threads"_a);
     nb::class_<HeldNetwork>(module, "Network")
         .def("__init__", make, nb::kw_only(), array("encoder"), array("factors"), array("layers"), array("decoder"),
-             "radius"_a, "close"_a, "frame_time"_a, "fall_lag"_a, "reach"_a, "displacement_scale"_a, "velocity_scale"_a,
+             "radius"_a, "close"_a, "frame_time"_a, "reach"_a, "displacement_scale"_a, "velocity_scale"_a,
              "crowded"_a, "position_share"_a, "largest"_a, "thickest"_a)
-        .def("step", step, array("positions"), array("velocities"), array("displacement"), array("velocity_change"),
+        .def("step", step, array("velocities"),
              array("ahead"), array("distance"), array("normal"), array("gravity"), array("lower"), array("upper"),
              array("new_positions"), array("new_velocities"), "path"_a, "threads"_a, "most_edges"_a);
 }

@@ -16,11 +16,10 @@ constexpr int MULTIPLE = 16;  // of channels: the widest path's lanes
 std::vector<int> columns() {
     std::vector<int> from(ROW, -1);
     int place = 0;
-    for (int column = 0; column < 6; ++column) from[place++] = column;     // lag, change of velocity
-    for (int column = 23; column < 47; ++column) from[place++] = column;   // velocities against the own
+    for (int column = 17; column < 41; ++column) from[place++] = column;  // velocities against the own
     place = LIMITED_ROOM;
-    for (int column = 6; column < 23; ++column) from[place++] = column;    // solid and walls
-    for (int column = 47; column < ACTIONS; ++column) from[place++] = column;  // crowding
+    for (int column = 0; column < 17; ++column) from[place++] = column;        // solid and walls
+    for (int column = 41; column < ACTIONS; ++column) from[place++] = column;  // crowding
     return from;
 }
 
@@ -145,8 +144,7 @@ int64_t Network::step(const Fluid& fluid, const Path& path, int threads, int64_t
     frame.order = order;
     frame.x = x_.data(), frame.y = y_.data(), frame.z = z_.data();
     frame.velocity = velocity_.data();
-    frame.positions = fluid.positions, frame.velocities = fluid.velocities;
-    frame.displacement = fluid.displacement, frame.velocity_change = fluid.velocity_change;
+    frame.velocities = fluid.velocities;
     frame.ahead = fluid.ahead, frame.distance = fluid.distance, frame.normal = fluid.normal;
     for (int axis = 0; axis < 3; ++axis) {
         frame.gravity[axis] = fluid.gravity[axis];

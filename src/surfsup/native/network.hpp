@@ -26,7 +26,7 @@ struct Layer {
 // The fluid and what is around it; all but the three vectors are (count, 3), `distance` is (count).
 struct Fluid {
     int32_t count;
-    const float *positions, *velocities, *displacement, *velocity_change, *ahead, *distance, *normal;
+    const float *velocities, *ahead, *distance, *normal;
     const float *gravity, *lower, *upper;
     float *new_positions, *new_velocities;
 };

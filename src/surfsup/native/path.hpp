@@ -290,31 +290,20 @@ inline float nearness(const Frame& frame, float distance) {
     return value < 0.0f ? 0.0f : value > 2.0f ? 2.0f : value;
 }
 
-// How much faster a particle ends a frame than its displacement tells, in DISPLACEMENT_SCALE.
-inline float lag(const Frame& frame, int64_t caller, int axis) {
-    const Constants& c = frame.constants;
-    const float behind = c.frame_time * frame.velocities[3 * caller + axis] - frame.displacement[3 * caller + axis];
-    return (behind - c.fall_lag * frame.gravity[axis]) * (1.0f / c.displacement_scale);
-}
-
 // What acts on a sorted particle (ROW), its soft limit still to be taken, and how its neighbours lie (8); the order is that of `columns` in network.hpp.
 inline void observe(const Frame& frame, int32_t i, float* acts, float* lie) {
     const Constants& c = frame.constants;
     const int64_t caller = frame.order[i];
     const float *velocity = frame.velocities + 3 * caller, *ahead = frame.ahead + 3 * caller;
-    const float *normal = frame.normal + 3 * caller, *change = frame.velocity_change + 3 * caller;
+    const float* normal = frame.normal + 3 * caller;
     FourFloats sums[KERNELS];
     sum_velocities(frame, frame.edges[i], sums);
-    for (int axis = 0; axis < 3; ++axis) {
-        acts[axis] = lag(frame, caller, axis);
-        acts[3 + axis] = (change[axis] - c.frame_time * frame.gravity[axis]) * (c.frame_time / c.displacement_scale);
-    }
     for (int m = 0; m < KERNELS; ++m) {
         lie[m] = sums[m][3];
         for (int axis = 0; axis < 3; ++axis)
-            acts[6 + 3 * m + axis] = (sums[m][axis] - lie[m] * velocity[axis]) * (c.frame_time / c.displacement_scale);
+            acts[3 * m + axis] = (sums[m][axis] - lie[m] * velocity[axis]) * (c.frame_time / c.displacement_scale);
     }
-    acts[30] = acts[31] = 0.0f;
+    for (int column = LIMITED; column < LIMITED_ROOM; ++column) acts[column] = 0.0f;
 
     float* rest = acts + LIMITED_ROOM;
     const float near_solid = nearness(frame, frame.distance[caller]);
@@ -337,7 +326,6 @@ inline void observe(const Frame& frame, int32_t i, float* acts, float* lie) {
         const float most = c.thickest[m];
         lie[m] = lie[m] > most ? most : lie[m] < -most ? -most : lie[m];
     }
-    for (int column = LIMITED_ROOM + 21; column < ROW; ++column) acts[column] = 0.0f;
 }
 
 // How many particles before its turn what a particle needs is fetched: first its neighbours and their kernels, then what
@@ -370,7 +358,7 @@ ALWAYS_INLINE void fetch_ahead(const Frame& frame, int32_t i, const float* hidde
 ALWAYS_INLINE void fetch_caller(const Frame& frame, int32_t i) {
     if (i + CALLER_AHEAD >= frame.count) return;
     const int64_t at = frame.order[i + CALLER_AHEAD];
-    const float* const vectors[] = {frame.velocities, frame.displacement, frame.velocity_change, frame.ahead, frame.normal};
+    const float* const vectors[] = {frame.velocities, frame.ahead, frame.normal};
     for (const float* one : vectors) __builtin_prefetch(one + 3 * at);
     __builtin_prefetch(frame.distance + at);
 }
@@ -423,13 +411,10 @@ int64_t look(const Frame& frame, int32_t begin, int32_t end, Arena& arena, float
 inline void advance(const Frame& frame, int32_t i, float* out) {
     const Constants& c = frame.constants;
     const int64_t caller = frame.order[i];
-    float gates[OUTPUT_ROOM];
-    for (int first = 0; first < OUTPUT_ROOM; first += LANES) store(gates + first, sigmoid(load(out + first)));
     float velocity[3], position[3], square = 0.0f;
     for (int axis = 0; axis < 3; ++axis) {
-        const float late = lag(frame, caller, axis);
-        velocity[axis] = out[axis] + 2.0f * gates[6] * late;
-        position[axis] = c.position_share * velocity[axis] + 0.3f * out[3 + axis] + (gates[7] - 0.5f) * late;
+        velocity[axis] = out[axis];
+        position[axis] = c.position_share * velocity[axis] + 0.3f * out[3 + axis];
         square += velocity[axis] * velocity[axis];
     }
     const float share = square > c.largest * c.largest ? c.largest / __builtin_sqrtf(square) : 1.0f;

@@ -25,7 +25,7 @@ SPEED = DISPLACEMENT_SCALE / FRAME_TIME  # m/s that count as 1 in the energy los
 
 
 def seen_by(simulator: Simulator):
-    state = State.in_free_fall(torch.rand(20, 3) * 0.2 + 0.3, torch.randn(20, 3), AROUND.gravity)
+    state = State(torch.rand(20, 3) * 0.2 + 0.3, torch.randn(20, 3))
     return simulator.observe(state, AROUND)
 
 

@@ -33,8 +33,8 @@ class CorrectionObjective(Objective):
     model: Simulator
 
     def with_noise(self, state: State, size: float, random: np.random.Generator) -> State:
-        """A state as the model itself would have left it, were the frame before still exact."""
-        return error_of_last_frame(state, size, random)
+        """A state as the model itself would have left it."""
+        return with_error(state, size, random)
 
     def predict(
         self, states: list[State], batch: Batch, number: int, phase: Phase
@@ -84,12 +84,10 @@ def split(joined: Correction, parts: list[Observation]) -> list[Correction]:
     return [Correction(*pair) for pair in pairs]
 
 
-def error_of_last_frame(state: State, size: float, random: np.random.Generator) -> State:
-    """The state with noise that looks as if the model had made it in the last frame.
+def with_error(state: State, size: float, random: np.random.Generator) -> State:
+    """The state with noise that looks like an error of the model: those of place and of velocity go together.
 
-    The errors of place and of velocity go together as the model's do, and show in the last frame's displacement and
-    change of velocity: noise that did not would teach answers that feed back on themselves in a rollout. Its size is
-    drawn anew for every window, from almost nothing up to ``size`` metres, so that a calm state stays calm.
+    Its size is drawn anew for every window, from almost nothing up to ``size`` metres, so that a calm state stays calm.
     """
     if size == 0:
         return state
@@ -100,9 +98,4 @@ def error_of_last_frame(state: State, size: float, random: np.random.Generator) 
 
     in_velocity = draw() / FRAME_TIME
     in_place = POSITION_SHARE * FRAME_TIME * in_velocity + 0.5 * draw()
-    return State(
-        state.positions + in_place,
-        state.velocities + in_velocity,
-        state.displacement + in_place,
-        state.velocity_change + in_velocity,
-    )
+    return State(state.positions + in_place, state.velocities + in_velocity)
