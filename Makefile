@@ -39,12 +39,9 @@ weights: setup
 	.venv/bin/surfsup generate hills -o data/hills-train -n 36 --seed 31
 	.venv/bin/surfsup generate bowls -o data/bowls-train -n 24 --seed 36 --frames 400
 	.venv/bin/surfsup generate prim-shapes -o data/validation -n 10 --seed 2
-	.venv/bin/surfsup train fast $(WEIGHTS_DATA) -o runs/fast $(if $(wildcard runs/fast/checkpoint.safetensors),--resume)
-	.venv/bin/surfsup train fast-finish --start runs/fast/best.safetensors $(WEIGHTS_DATA) -o runs/fast-finish \
-		$(if $(wildcard runs/fast-finish/checkpoint.safetensors),--resume)
-
-WEIGHTS_DATA = --data data/train --data data/assorted-train --data data/tanks-train --data data/hills-train \
-	--data data/bowls-train --validation data/validation --threads 2
+	.venv/bin/surfsup train fast --data data/train --data data/assorted-train --data data/tanks-train \
+		--data data/hills-train --data data/bowls-train --validation data/validation -o runs/fast \
+		$(if $(wildcard runs/fast/checkpoint.safetensors),--resume)
 
 # The surfaces that ship: see the cards in src/surfsup/surfaces. What is done is kept, so it can be started again.
 surfaces: setup

@@ -1,7 +1,7 @@
 """What each part of the default model and of its training is worth: one thing at a time is left out or changed.
 
     python benchmarks/ablations.py data/prim-shapes-train data/prim-shapes-validation
-    python benchmarks/ablations.py data/prim-shapes-train data/prim-shapes-validation --only as-it-is no-skip
+    python benchmarks/ablations.py data/prim-shapes-train data/prim-shapes-validation --only as-it-is no-symmetry
 
 Every variant is trained from scratch for the same number of steps and judged by rollouts on validation scenes. What is
 left out is held at zero weights, so that all else, random numbers too, is as it was. Runs that are there are kept.
@@ -24,15 +24,11 @@ from torch import Tensor
 from surfsup.datasets import windows as windows_module
 from surfsup.datasets.windows import Windows
 from surfsup.model.convolution import CLOSE_DIRECTION, CLOSE_WINDOW, KERNELS
-from surfsup.model.correction import POSITION_SHARE, Correction
-from surfsup.model.kinds import KINDS
-from surfsup.model.native_step import NativeStep
 from surfsup.model.network import ConvolutionNetwork
-from surfsup.model.simulator import Architecture, Observation, Simulator
 from surfsup.training.config import load_config
 from surfsup.training.train import Run, train
 
-PAST, VELOCITIES = slice(0, 6), slice(23, 47)  # columns of what acts on a particle
+VELOCITIES = slice(17, 41)  # columns of what acts on a particle
 SINGLE = "{until: 0.6, noise: 3.0e-4}"
 PUSHED = "until: 1, unseen: 6, unroll: 2, noise: 3.0e-4, density: 5.0"
 PHASES = f"phases=[{SINGLE}, {{{PUSHED}}}]"
@@ -40,39 +36,9 @@ PHASES = f"phases=[{SINGLE}, {{{PUSHED}}}]"
 Part = tuple[Tensor, object]  # a weight, and which of its elements
 
 
-class NeverNative(NativeStep):
-    """For a simulator that the native step does not know."""
-
-    def __reduce__(self) -> tuple[type[NeverNative], tuple[()]]:
-        return NeverNative, ()
-
-    def can_take(self, *_: object) -> bool:
-        """Torch does it all."""
-        return False
-
-
-class WithoutSkip(Simulator):
-    """What the last displacement has not shown yet is told to the network only, not passed on."""
-
-    def __init__(self, architecture: Architecture) -> None:
-        super().__init__(architecture)
-        self.native = NeverNative()
-
-    def correct(self, seen: Observation) -> Correction:
-        """The network's answer alone."""
-        out = self.network(seen.acts, seen.lie, seen.graph)
-        velocity = out[:, 0:3]
-        return Correction(velocity, POSITION_SHARE * velocity + 0.3 * out[:, 3:6]).bounded()
-
-
 def nothing(_network: ConvolutionNetwork) -> Iterator[Part]:
     """All parts are there."""
     yield from ()
-
-
-def past(network: ConvolutionNetwork) -> Iterator[Part]:
-    """What is known of the frame before: its displacement and change of velocity."""
-    yield network.encoder[0].weight, (slice(None), PAST)
 
 
 def velocities(network: ConvolutionNetwork) -> Iterator[Part]:
@@ -104,14 +70,12 @@ class Variant:
     Attributes:
         overrides: of the configuration.
         left_out: which weights are held at zero.
-        simulator: of which class.
         scenes: how many are trained on; None: all.
         turned: whether windows are turned and mirrored.
     """
 
     overrides: tuple[str, ...] = ()
     left_out: Callable[[ConvolutionNetwork], Iterator[Part]] = nothing
-    simulator: type[Simulator] = Simulator
     scenes: int | None = None
     turned: bool = True
 
@@ -121,8 +85,9 @@ CLOSE = [CLOSE_WINDOW, *range(KERNELS)[CLOSE_DIRECTION]]
 VARIANTS = {
     "as-it-is": Variant(),
     "another-seed": Variant(("seed=1",)),
-    "no-past": Variant(left_out=past, simulator=WithoutSkip),
-    "no-skip": Variant(simulator=WithoutSkip),
+    "adam": Variant(("optimizer=adam", "learning_rate=2e-3")),
+    "adam-1e-2": Variant(("optimizer=adam",)),
+    "batch-4": Variant(("batch=4",)),
     "no-velocities": Variant(left_out=velocities),
     "no-density-factors": Variant(left_out=density),
     "no-directions": Variant(left_out=kernels(DIRECTIONS)),
@@ -146,13 +111,18 @@ VARIANTS = {
 }
 
 
-def hold(weight: Tensor, which: object) -> None:
+def hold(run: Run, weight: Tensor, which: object) -> None:
     """Keep some elements of a weight at zero for good."""
     free = torch.ones_like(weight)
     free[which] = 0
-    with torch.no_grad():
-        weight.mul_(free)
+
+    def clear(*_: object) -> None:
+        with torch.no_grad():
+            weight.mul_(free)
+
+    clear()
     weight.register_hook(lambda gradient: gradient * free)
+    run.plain_optimizer.register_step_post_hook(clear)  # SOAP turns gradients before it scales them
 
 
 def run_variant(variant: Variant, data: Path, validation: Path, folder: Path, steps: int) -> None:
@@ -160,12 +130,11 @@ def run_variant(variant: Variant, data: Path, validation: Path, folder: Path, st
     common = [f"steps={steps}", f"judge_every={steps}", "judge_scenes=6", "judge_frames=300", PHASES]
     config = load_config("fast", [*common, "stop=null", *variant.overrides])
     with ExitStack() as stack:
-        stack.enter_context(patch.dict(KINDS, {Simulator.kind: variant.simulator}))
         if not variant.turned:
             stack.enter_context(patch.object(windows_module, "symmetry", lambda random: torch.eye(3)))
         run = Run(config, folder)
         for weight, which in variant.left_out(run.model.network):
-            hold(weight, which)
+            hold(run, weight, which)
         run.average.load_state_dict(run.model.state_dict())
         source = Windows(data)
         if variant.scenes is not None:

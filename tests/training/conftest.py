@@ -99,5 +99,5 @@ def assert_same(one: Run, other: Run) -> None:
     for mine, theirs in ((one.model, other.model), (one.average, other.average)):
         for name, value in mine.state_dict().items():
             assert torch.equal(value, theirs.state_dict()[name]), name
-    ours, others = one.adam.state_dict()["state"], other.adam.state_dict()["state"]
+    ours, others = one.plain_optimizer.state_dict()["state"], other.plain_optimizer.state_dict()["state"]
     assert all(torch.equal(ours[i][key], others[i][key]) for i in ours for key in ours[i])

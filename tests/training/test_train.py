@@ -16,7 +16,9 @@ from surfsup.training.train import NotANumber, Run, train
 from tests.training.conftest import Stop, assert_same, batch_of, config, message_passing, stop_at
 
 
-@pytest.mark.parametrize("of", [config(), message_passing("surfsup-velocity"), message_passing("gns")])
+@pytest.mark.parametrize(
+    "of", [config(), config(optimizer="soap"), message_passing("surfsup-velocity"), message_passing("gns")]
+)
 def test_a_resumed_run_is_bit_for_bit_the_undisturbed_one(tmp_path, data, of):
     straight = Run(of, tmp_path / "straight")
     train(straight, Windows(data), data)

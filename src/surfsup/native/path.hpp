@@ -32,7 +32,7 @@ inline void multiply(const float* a, int64_t a_row, int depth, const float* w, i
 // The product of a block of rows with `columns` columns of rows of `w_row` floats; `use` takes each vector of it:
 // (row, column, values).
 template <int VECTORS, typename Use>
-inline void product_by(const float* a, int64_t a_row, int depth, const float* w, int64_t w_row, int columns, Use use) {
+__attribute__((noinline)) void product_by(const float* a, int64_t a_row, int depth, const float* w, int64_t w_row, int columns, Use use) {
     for (int column = 0; column < columns; column += VECTORS * LANES) {
         Floats sums[ROWS][VECTORS];
         multiply<VECTORS>(a, a_row, depth, w + column, w_row, sums);

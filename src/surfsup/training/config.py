@@ -72,7 +72,8 @@ class TrainingConfig(BaseModel):
         batch: windows a step, over all processes.
         steps: of the optimiser, over which the schedule runs.
         stop: step to stop at before the schedule ends; None runs it to its end.
-        learning_rate, final_learning_rate: of Adam, at the start and at the end.
+        optimizer: Adam, or SOAP, which costs more a step and needs fewer.
+        learning_rate, final_learning_rate: of the optimiser, at the start and at the end.
         schedule: from one to the other by a cosine, or exponentially as the paper has it.
         warm_up: steps over which the learning rate rises.
         clip: the largest norm of the gradient; a longer one is shortened.
@@ -98,6 +99,7 @@ class TrainingConfig(BaseModel):
     batch: Count = 2
     steps: Count = 40_000
     stop: Count | None = None
+    optimizer: Literal["adam", "soap"] = "adam"
     learning_rate: Above = 2e-3
     final_learning_rate: Amount = 2e-5
     schedule: Literal["cosine", "exponential"] = "cosine"

@@ -20,6 +20,7 @@ from surfsup.training.checkpoint import Checkpoint, CheckpointFiles
 from surfsup.training.config import TrainingConfig
 from surfsup.training.devices import fabric_on
 from surfsup.training.objectives import objective_for
+from surfsup.training.soap import Soap
 
 if TYPE_CHECKING:
     from lightning_fabric import Fabric
@@ -56,8 +57,8 @@ class Run:
         self.model: LearnedSimulator = KINDS[config.kind](config.architecture)
         self.average = deepcopy(self.model).requires_grad_(False).to(self.fabric.device)
         self.objective = objective_for(self.model, config)
-        adam = torch.optim.Adam(self.model.parameters(), lr=config.learning_rate, fused=True)
-        self.loss, self.optimizer = self.fabric.setup(self.objective, adam)
+        optimizer = optimizer_of(config, self.model)
+        self.loss, self.optimizer = self.fabric.setup(self.objective, optimizer)
         self.files = CheckpointFiles(folder)
         self.step = self.judged = 0
         self.best = math.inf
@@ -90,7 +91,7 @@ class Run:
             return
         tensors = {f"model.{name}": value for name, value in self.model.state_dict().items()}
         tensors |= {f"average.{name}": value for name, value in self.average.state_dict().items()}
-        for number, state in self.adam.state_dict()["state"].items():
+        for number, state in self.plain_optimizer.state_dict()["state"].items():
             tensors |= {f"optimizer.{number}.{name}": value for name, value in state.items()}
         counters = {
             "step": self.step,
@@ -127,8 +128,8 @@ class Run:
         for name, value in part_of(tensors, "optimizer.").items():
             number, key = name.split(".", 1)
             states.setdefault(int(number), {})[key] = value
-        groups = self.adam.state_dict()["param_groups"]
-        self.adam.load_state_dict({"state": states, "param_groups": groups})
+        groups = self.plain_optimizer.state_dict()["param_groups"]
+        self.plain_optimizer.load_state_dict({"state": states, "param_groups": groups})
         self.step, self.judged = counters["step"], counters["judged"]
         self.best, self.seconds = counters["best"], counters["seconds"]
         self.seen = None if counters["seen"] is None else Seen.from_json(counters["seen"])
@@ -152,9 +153,16 @@ class Run:
         return run.average
 
     @property
-    def adam(self) -> torch.optim.Optimizer:
+    def plain_optimizer(self) -> torch.optim.Optimizer:
         """The optimiser without its wrapping."""
         return self.optimizer.optimizer
+
+
+def optimizer_of(config: TrainingConfig, model: LearnedSimulator) -> torch.optim.Optimizer:
+    """The optimiser of a run, for all weights of its model."""
+    if config.optimizer == "soap":
+        return Soap(model.parameters(), lr=config.learning_rate)
+    return torch.optim.Adam(model.parameters(), lr=config.learning_rate, fused=True)
 
 
 def part_of(tensors: dict[str, Tensor], prefix: str) -> dict[str, Tensor]:

@@ -41,7 +41,7 @@ def take_step(run: Run, batch: Batch) -> StepReport:
     """
     config = run.config
     rate = learning_rate(config, run.step)
-    for group in run.adam.param_groups:
+    for group in run.plain_optimizer.param_groups:
         group["lr"] = rate
     try:
         loss, rows = run.loss(batch, config.phase(run.step))
