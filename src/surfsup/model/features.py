@@ -40,8 +40,8 @@ def observe_features(
 
     The columns of what acts: nearness to the solid (1), its normal times that (3), speed away from the solid times that
     (1), nearness to the six walls (6), speed away from each times that (6), kernel sums of the neighbours' velocity
-    against the particle's own (24), crowding (1) and its direction (3). How the neighbours lie: kernel sums of one (8), that is density and its slope, no larger than in true
-    water.
+    against the particle's own (24), crowding (1) and its direction (3). How the neighbours lie: kernel sums of one (8),
+    that is density and its slope, no larger than in true water.
     """
     near_solid = nearness(distance)[:, None]
     from_solid = (state.velocities * normal).sum(dim=-1, keepdim=True)

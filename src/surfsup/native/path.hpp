@@ -9,46 +9,49 @@ namespace {
 
 using namespace surfsup;
 
-// sums[row][column] = sum over k of a[row][k] * w[k][column], for ROWS rows and VECTORS vectors of columns.
-template <int VECTORS>
-inline void multiply(const float* a, int64_t a_row, int depth, const float* w, int64_t w_row, Floats (&sums)[ROWS][VECTORS]) {
+// sums[row][column] = sum over k of a[row][k] * w[k][column], for HEIGHT rows and VECTORS vectors of columns.
+template <int HEIGHT, int VECTORS>
+inline void multiply(const float* a, int64_t a_row, int depth, const float* w, int64_t w_row, Floats (&sums)[HEIGHT][VECTORS]) {
 #pragma GCC unroll 12
-    for (int row = 0; row < ROWS; ++row)
-#pragma GCC unroll 2
+    for (int row = 0; row < HEIGHT; ++row)
+#pragma GCC unroll 3
         for (int v = 0; v < VECTORS; ++v) sums[row][v] = Floats{};
     for (int k = 0; k < depth; ++k) {
         Floats columns[VECTORS];
-#pragma GCC unroll 2
+#pragma GCC unroll 3
         for (int v = 0; v < VECTORS; ++v) columns[v] = load(w + k * w_row + v * LANES);
 #pragma GCC unroll 12
-        for (int row = 0; row < ROWS; ++row) {
+        for (int row = 0; row < HEIGHT; ++row) {
             const Floats value = splat(a[row * a_row + k]);
-#pragma GCC unroll 2
+#pragma GCC unroll 3
             for (int v = 0; v < VECTORS; ++v) sums[row][v] += value * columns[v];
         }
     }
 }
 
-// The product of a block of rows with `columns` columns of rows of `w_row` floats; `use` takes each vector of it:
-// (row, column, values).
-template <int VECTORS, typename Use>
+// The product of a block of rows, HEIGHT at a time, with `columns` columns of rows of `w_row` floats; `use` takes each
+// vector of it: (row, column, values). Not inlined: among other code its sums would not stay in the registers.
+template <int HEIGHT, int VECTORS, typename Use>
 __attribute__((noinline)) void product_by(const float* a, int64_t a_row, int depth, const float* w, int64_t w_row, int columns, Use use) {
-    for (int column = 0; column < columns; column += VECTORS * LANES) {
-        Floats sums[ROWS][VECTORS];
-        multiply<VECTORS>(a, a_row, depth, w + column, w_row, sums);
+    for (int first = 0; first < ROWS; first += HEIGHT)
+        for (int column = 0; column < columns; column += VECTORS * LANES) {
+            Floats sums[HEIGHT][VECTORS];
+            multiply(a + first * a_row, a_row, depth, w + column, w_row, sums);
 #pragma GCC unroll 12
-        for (int row = 0; row < ROWS; ++row)
-#pragma GCC unroll 2
-            for (int v = 0; v < VECTORS; ++v) use(row, column + v * LANES, sums[row][v]);
-    }
+            for (int row = 0; row < HEIGHT; ++row)
+#pragma GCC unroll 3
+                for (int v = 0; v < VECTORS; ++v) use(first + row, column + v * LANES, sums[row][v]);
+        }
 }
 
 template <typename Use>
 inline void product(const float* a, int64_t a_row, int depth, const float* w, int64_t w_row, int columns, Use use) {
     if (columns % (2 * LANES) == 0)
-        product_by<2>(a, a_row, depth, w, w_row, columns, use);
+        product_by<ROWS, 2>(a, a_row, depth, w, w_row, columns, use);
+    else if (columns % (3 * LANES) == 0)
+        product_by<ROWS / 2, 3>(a, a_row, depth, w, w_row, columns, use);
     else
-        product_by<1>(a, a_row, depth, w, w_row, columns, use);
+        product_by<ROWS, 1>(a, a_row, depth, w, w_row, columns, use);
 }
 
 // All columns of the weights.

@@ -20,6 +20,7 @@ GREY_MODES = ("L", "F", "I")  # as Pillow calls grey of 8 bits, of floats and of
 NODATA_TAG = 42113  # in which GDAL notes the value that stands for "not known"
 MOST_IN_FILE = 50_000_000  # samples that are read at all
 MOST_SAMPLES = 1_000_000  # that a surface is made of, two triangles each
+ROUNDING = 1e-9
 
 
 def load_heights(path: str | Path) -> np.ndarray:
@@ -146,9 +147,19 @@ class Heightfield(MeshSurface):
 
     def inside(self, points: np.ndarray) -> np.ndarray:
         """Whether each of ``points`` (N, 3) is below the terrain, above z = 0 and between the sides, (N,)."""
+        return self.side(points)[0]
+
+    def side(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The same, and how many metres (N,) the surface can be from each: no more than it is straight up or down."""
+        level, between = self.level_at(points)
+        farthest = np.where(between, (1 + ROUNDING) * np.abs(points[:, 2] - level) + ROUNDING, np.inf)
+        return between & (points[:, 2] > 0) & (points[:, 2] < level), farthest
+
+    def level_at(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Height (N,) of the terrain above or below ``points`` (N, 3), and whether they are between its sides (N,)."""
         cells = np.array(self.levels.T.shape) - 1
         place = (points[:, :2] / self.size * [1.0, -1.0] + 0.5) * cells  # columns eastward, rows southward
-        between = ((place >= 0) & (place <= cells)).all(axis=1) & (points[:, 2] > 0)
+        between = ((place >= 0) & (place <= cells)).all(axis=1)
         column, row = np.clip(place, 0, cells - 1).astype(np.int64).T
         east, south = (np.clip(place, 0, cells) - np.stack([column, row], axis=1)).T
         north_west, north_east = self.levels[row, column], self.levels[row, column + 1]
@@ -166,7 +177,7 @@ class Heightfield(MeshSurface):
                 south_east + (1 - east) * (south_west - south_east) + (1 - south) * (north_east - south_east),
             ),
         )
-        return between & (points[:, 2] < level)
+        return level, between
 
 
 def closed_mesh(levels: np.ndarray, size: tuple[float, float]) -> trimesh.Trimesh:

@@ -124,8 +124,8 @@ class MeshSurface(Surface):
         the point is on the same side.
         """
         if known is None:
-            distance, face, closest = self.query.nearest(points)
-            inside = self.inside(points)
+            inside, at_most = self.side(points)
+            distance, face, closest = self.query.nearest(points, at_most)
         else:
             metres, beyond, inside = known
             distance, face, closest = self.query.nearest(points, metres + beyond)
@@ -138,6 +138,10 @@ class MeshSurface(Surface):
     def inside(self, points: np.ndarray) -> np.ndarray:
         """Whether each of ``points`` (N, 3) is in the solid, (N,)."""
         return self.query.inside(points)
+
+    def side(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray | None]:
+        """The same, and how many metres (N,) the surface can be from each; None where that is not known beforehand."""
+        return self.inside(points), None
 
     def build_caches(self) -> tuple[DistanceCache, DistanceCache]:
         """The fine grid around the mesh and the coarse one around that, built when first needed."""

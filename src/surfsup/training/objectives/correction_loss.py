@@ -89,7 +89,10 @@ def energy_loss(velocities: Tensor, true_velocities: Tensor, places: Tensor, shi
     energy = 0.5 * (velocities * scale).square().sum(dim=-1)
     true_energy = 0.5 * (true_velocities * scale).square().sum(dim=-1)
     cell = ((places + shift) / ENERGY_CELL).floor().long()
-    _, cell = torch.unique(cell, dim=0, return_inverse=True)
+    cell = cell - cell.amin(dim=0)
+    across = cell.amax(dim=0) + 1
+    numbers = (cell[:, 0] * across[1] + cell[:, 1]) * across[2] + cell[:, 2]  # to tell rows apart would take far longer
+    _, cell = torch.unique(numbers, return_inverse=True)
     cells = int(cell.max()) + 1
     total, true_total, count = (
         energy.new_zeros(cells).index_add(0, cell, values) for values in (energy, true_energy, torch.ones_like(energy))
