@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import math
 from collections.abc import Iterable
 from importlib.resources import files
 from itertools import pairwise
@@ -40,7 +41,8 @@ class Phase(BaseModel):
 
     Attributes:
         until: share of all steps at which the phase ends.
-        unseen: up to so many of the model's steps are rolled out first, without gradient (push-forward).
+        unseen: after up to how many of the model's own steps a loss is taken (push-forward): rollouts go on from loss
+            to loss until they have gone so far, without gradient from one to the next.
         unroll: steps that the loss is taken over, with gradient through all of them.
         starts: share of the windows that begin where their scene does, as every rollout; these get no noise.
         noise: metres; largest spread of the noise on the first state.
@@ -161,10 +163,16 @@ class TrainingConfig(BaseModel):
 
     def phase(self, step: int) -> Phase:
         """The phase that ``step`` belongs to."""
-        for phase in self.phases:
-            if step < phase.until * self.steps:
-                return phase
-        return self.phases[-1]
+        return self.phases[self._number_of_phase(step)]
+
+    def first_step(self, step: int) -> int:
+        """The first step of the phase that ``step`` belongs to."""
+        number = self._number_of_phase(step)
+        return math.ceil(self.phases[number - 1].until * self.steps) if number else 0
+
+    def _number_of_phase(self, step: int) -> int:
+        ends = (phase.until * self.steps for phase in self.phases[:-1])
+        return sum(step >= end for end in ends)
 
 
 def load_config(name: str, overrides: list[str] | None = None) -> TrainingConfig:

@@ -19,7 +19,7 @@ from surfsup.model.seen import Seen
 from surfsup.training.checkpoint import Checkpoint, CheckpointFiles
 from surfsup.training.config import TrainingConfig
 from surfsup.training.devices import fabric_on
-from surfsup.training.objectives import objective_for
+from surfsup.training.objectives import Batch, objective_for
 from surfsup.training.soap import Soap
 
 if TYPE_CHECKING:
@@ -38,6 +38,8 @@ class Run:
         best: rank of the best weights so far.
         seconds: of training.
         seen: what the windows were like; of the first process, where there are several.
+        under_way: batches whose rollouts go on, by the step at which they were new.
+        stood: where the rollouts of a resumed run stood, each window's tensors; each is taken out when it goes on.
         untouched: whether the weights are still the random ones.
     """
 
@@ -65,6 +67,8 @@ class Run:
         self.seconds = 0.0
         self.seen: Seen | None = None
         self.untouched = True
+        self.under_way: dict[int, Batch] = {}
+        self.stood: dict[int, list[dict[str, Tensor]]] = {}
 
     def start_from(self, simulator: LearnedSimulator) -> None:
         """Begin with the weights of a trained simulator instead of random ones.
@@ -93,6 +97,9 @@ class Run:
         tensors |= {f"average.{name}": value for name, value in self.average.state_dict().items()}
         for number, state in self.plain_optimizer.state_dict()["state"].items():
             tensors |= {f"optimizer.{number}.{name}": value for name, value in state.items()}
+        for began, batch in self.under_way.items():
+            for number, state in enumerate(batch.states or ()):
+                tensors |= {f"rollout.{began}.{number}.{name}": value for name, value in vars(state).items()}
         counters = {
             "step": self.step,
             "judged": self.judged,
@@ -128,6 +135,12 @@ class Run:
         for name, value in part_of(tensors, "optimizer.").items():
             number, key = name.split(".", 1)
             states.setdefault(int(number), {})[key] = value
+        stood: dict[int, dict[int, dict[str, Tensor]]] = {}
+        for name, value in part_of(tensors, "rollout.").items():
+            began, number, key = name.split(".", 2)
+            place = stood.setdefault(int(began), {}).setdefault(int(number), {})
+            place[key] = value.to(self.fabric.device)
+        self.stood = {began: [windows[number] for number in sorted(windows)] for began, windows in stood.items()}
         groups = self.plain_optimizer.state_dict()["param_groups"]
         self.plain_optimizer.load_state_dict({"state": states, "param_groups": groups})
         self.step, self.judged = counters["step"], counters["judged"]

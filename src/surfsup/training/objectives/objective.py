@@ -20,14 +20,20 @@ if TYPE_CHECKING:
 
 
 class Batch:
-    """The windows of a step, of equal length, and for each a generator of all else that is random about it.
+    """Windows of equal length, for each a generator of all else that is random about it, and how far they are gone.
 
     With a generator to each window it makes no difference which process of several does which. This is no dataclass:
     Fabric would take one apart to look for tensors.
+
+    Attributes:
+        states: where the model has brought each window; None before the first step.
+        done: how many steps of the model that took.
     """
 
     def __init__(self, windows: Sequence[Window], randoms: Sequence[np.random.Generator]) -> None:
         self.windows, self.randoms = windows, randoms
+        self.states: Sequence[FluidState] | None = None
+        self.done = 0
 
 
 @dataclass(frozen=True)
@@ -46,7 +52,7 @@ class StepErrors:
 
 
 class Objective(nn.Module, ABC):
-    """The loss of a batch: first steps without gradient (push-forward), then those that count.
+    """The loss of a batch, whose rollouts go on from where its last loss left them (push-forward).
 
     It is a module around the simulator, so that a whole step is one forward pass, as data-parallel training needs.
 
@@ -60,26 +66,26 @@ class Objective(nn.Module, ABC):
         self.model, self.frames_per_step = model, frames_per_step
 
     def forward(self, batch: Batch, phase: Phase) -> tuple[Tensor, Tensor]:
-        """The loss, and for each window (B, 3) its loss and its errors near to and far from the surface."""
-        windows = batch.windows
-        steps = windows[0].following // self.frames_per_step
-        states = [
-            self.with_noise(self.model.state_after(*window.up_to_now), 0.0 if window.begins else phase.noise, random)
-            for window, random in zip(windows, batch.randoms, strict=True)
-        ]
-        with torch.no_grad():
-            for _ in range(steps - phase.unroll):
-                states = [
-                    self.model.step(state, window.around)[0] for state, window in zip(states, windows, strict=True)
-                ]
+        """The loss of the next steps, and for each window (B, 3) its loss and its errors near to and far from solids.
+
+        The batch is then that much further, without gradient.
+        """
+        states = batch.states or self.begin(batch, phase.noise)
         every: list[StepErrors] = []
-        for number in range(steps - phase.unroll, steps):
+        for number in range(batch.done, batch.done + phase.unroll):
             errors, reached = self.predict(states, batch, number, phase)
             every += errors
-            if number + 1 < steps:
-                states = [after(*given) for given in zip(states, reached, windows, strict=True)]
+            states = [after(*given) for given in zip(states, reached, batch.windows, strict=True)]
+        batch.states, batch.done = [state.detach() for state in states], batch.done + phase.unroll
         loss = torch.stack([one.loss for one in every]).mean()
-        return loss, report(every, len(windows))
+        return loss, report(every, len(batch.windows))
+
+    def begin(self, batch: Batch, noise: float) -> list[FluidState]:
+        """The states that the windows begin with, which are true up to noise of ``noise`` metres."""
+        return [
+            self.with_noise(self.model.state_after(*window.up_to_now), 0.0 if window.begins else noise, random)
+            for window, random in zip(batch.windows, batch.randoms, strict=True)
+        ]
 
     def prepare(self, examples: Iterable[Window], randoms: Sequence[np.random.Generator], noise: float) -> None:
         """Take from examples what is not learned by descent; here there is no such thing."""
