@@ -58,7 +58,7 @@ class Replay:
         """The given frames, whatever the state."""
         for positions, velocities in self.frames[:frames]:
             now, gone = torch.from_numpy(positions), torch.from_numpy(velocities)
-            yield State(now, gone, now, gone), torch.full((len(now),), self.moved)
+            yield State(now, gone), torch.full((len(now),), self.moved)
 
 
 def silent() -> Simulator:
