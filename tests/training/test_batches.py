@@ -70,6 +70,21 @@ def test_rollouts_under_way_go_on_bit_for_bit_after_a_stop(tmp_path, data, two_u
     assert_same(resumed, straight)
 
 
+def test_a_run_that_is_stopped_again_at_once_still_knows_how_all_rollouts_stood(tmp_path, data, two_under_way):
+    of = config(steps=12, phases=LONG)
+    straight = Run(of, tmp_path / "straight")
+    train(straight, Windows(data), data)
+    for stopped in (5, 6):  # the batch of step 6 began at 4
+        halves = Run(of, tmp_path / "halves")
+        if halves.files.exist():
+            halves.resume()
+        train(halves, Windows(data), data, stop=lambda run=halves, last=stopped: run.step == last)
+    resumed = Run(of, tmp_path / "halves")
+    resumed.resume()
+    train(resumed, Windows(data), data)
+    assert_same(resumed, straight)
+
+
 def test_where_it_is_not_known_how_rollouts_stood_they_begin_anew(tmp_path, data, two_under_way):
     of = config(steps=12, phases=LONG)
     with pytest.raises(Stop):

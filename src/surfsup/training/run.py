@@ -97,9 +97,10 @@ class Run:
         tensors |= {f"average.{name}": value for name, value in self.average.state_dict().items()}
         for number, state in self.plain_optimizer.state_dict()["state"].items():
             tensors |= {f"optimizer.{number}.{name}": value for name, value in state.items()}
-        for began, batch in self.under_way.items():
-            for number, state in enumerate(batch.states or ()):
-                tensors |= {f"rollout.{began}.{number}.{name}": value for name, value in vars(state).items()}
+        standing = {began: [vars(state) for state in batch.states or ()] for began, batch in self.under_way.items()}
+        for began, states in (self.stood | standing).items():  # of a run that was resumed a moment ago some still wait
+            for number, state in enumerate(states):
+                tensors |= {f"rollout.{began}.{number}.{name}": value for name, value in state.items()}
         counters = {
             "step": self.step,
             "judged": self.judged,
