@@ -13,6 +13,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
+from typing import Self
 
 import h5py
 import numpy as np
@@ -46,16 +47,12 @@ class Provenance:
     version: str = __version__
 
 
-class Trajectory:
-    """A simulated scene, read from disk frame by frame as it is asked for.
+class TrajectoryFrames:
+    """The frames of a simulated scene, read from disk one by one as they are asked for, whatever they are of.
 
     Attributes:
-        scene: what was simulated.
-        provenance: by what.
         positions: (frames, particles, 3) float32 in metres, an HDF5 data set that slices like an array.
         velocities: the same in m/s, at the end of each frame.
-        frame_time: seconds from one frame to the next.
-        radius: of a particle, metres.
     """
 
     def __init__(self, path: Path) -> None:
@@ -71,18 +68,17 @@ class Trajectory:
         except OSError as error:
             raise InputError(not_a_trajectory(path, error)) from None
         try:
-            self.positions, self.velocities = (self._frames_of(name) for name in ("position", "velocity"))
-            if self.positions.shape != self.velocities.shape:
-                raise ValueError(f"{self.positions.shape} positions, {self.velocities.shape} velocities")
-            attributes = dict(self._file.attrs)
-            self.scene = Scene.from_yaml(str(attributes["scene"]), f"{path} (scene)", path.parent)
-            self.frame_time, self.radius = float(attributes["frame_time"]), float(attributes["radius"])
-            self.provenance = Provenance(str(attributes["model"]), int(attributes["seed"]), str(attributes["version"]))
+            self._read(path)
         except BaseException as error:
             self._file.close()
             if isinstance(error, OSError | KeyError | TypeError | ValueError) and not isinstance(error, InputError):
                 raise InputError(not_a_trajectory(path, error)) from None
             raise
+
+    def _read(self, path: Path) -> None:
+        self.positions, self.velocities = (self._frames_of(name) for name in ("position", "velocity"))
+        if self.positions.shape != self.velocities.shape:
+            raise ValueError(f"{self.positions.shape} positions, {self.velocities.shape} velocities")
 
     def _frames_of(self, name: str) -> h5py.Dataset:
         data = self._file[f"{GROUP}/{name}"]
@@ -102,11 +98,29 @@ class Trajectory:
         """Close the file."""
         self._file.close()
 
-    def __enter__(self) -> Trajectory:
+    def __enter__(self) -> Self:
         return self
 
     def __exit__(self, kind: type | None, error: BaseException | None, trace: TracebackType | None) -> None:
         self.close()
+
+
+class Trajectory(TrajectoryFrames):
+    """A simulated scene: its frames, and what they are of.
+
+    Attributes:
+        scene: what was simulated.
+        provenance: by what.
+        frame_time: seconds from one frame to the next.
+        radius: of a particle, metres.
+    """
+
+    def _read(self, path: Path) -> None:
+        super()._read(path)
+        attributes = dict(self._file.attrs)
+        self.scene = Scene.from_yaml(str(attributes["scene"]), f"{path} (scene)", path.parent)
+        self.frame_time, self.radius = float(attributes["frame_time"]), float(attributes["radius"])
+        self.provenance = Provenance(str(attributes["model"]), int(attributes["seed"]), str(attributes["version"]))
 
 
 class TrajectoryWriter:

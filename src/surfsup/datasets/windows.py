@@ -16,7 +16,7 @@ from surfsup.model.message_passing.history import History
 from surfsup.model.state import FRAME_TIME, Surroundings
 from surfsup.scene import Scene
 from surfsup.sdf import Transformed
-from surfsup.trajectory import Trajectory
+from surfsup.trajectory import Trajectory, TrajectoryFrames
 
 EARLY_FRAMES = 320  # falls, impacts and sloshing happen here
 EARLY_SHARE = 0.6  # of the windows that start there
@@ -89,7 +89,7 @@ class Windows:
         """Look through every trajectory in ``folders``; windows will lie on ``device``.
 
         Files are opened anew for every window, which takes 2 ms: a thousand open ones would be more than most
-        systems allow, and each would keep its last chunks in memory.
+        systems allow, and each would keep its last chunks in memory. What they are of is read only once.
 
         Raises:
             InputError: a folder has none, or one cannot be read or is of another frame time or particle radius.
@@ -100,12 +100,13 @@ class Windows:
             if not found:
                 raise InputError(f"{folder}: has no trajectories (*.h5); make some with 'surfsup generate'")
             self.paths += found
-        self._surroundings = []
+        self._scenes, self._surroundings = [], []
         for path in self.paths:
             with Trajectory(path) as trajectory:
                 check_units(path, trajectory)
                 scene = trajectory.scene
-                self._surroundings.append(Surroundings.of(scene, scene.build_surface(), device))
+            self._scenes.append(scene)
+            self._surroundings.append(Surroundings.of(scene, scene.build_surface(), device))
 
     def __len__(self) -> int:
         """The number of trajectories."""
@@ -121,9 +122,9 @@ class Windows:
         """
         number = int(random.integers(len(self)))
         path = self.paths[number]
-        with Trajectory(path) as trajectory:
+        with TrajectoryFrames(path) as frames_of:
             return draw_window(
-                trajectory, trajectory.scene, str(path), self._surroundings[number], random, past, frames, starts
+                frames_of, self._scenes[number], str(path), self._surroundings[number], random, past, frames, starts
             )
 
 

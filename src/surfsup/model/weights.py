@@ -102,7 +102,10 @@ def load(path: Path) -> tuple[LearnedSimulator, Card]:
         if isinstance(error, InputError):
             raise
         reason = " ".join(str(error).split())
-        raise InputError(f"{path}: its tensors do not fit its architecture ({reason[:120]})") from None
+        raise InputError(
+            f"{path}: its tensors do not fit its architecture ({reason[:120]}); if another version of surfsup made it, "
+            f"train it anew"
+        ) from None
     return simulator.eval().requires_grad_(False), card
 
 

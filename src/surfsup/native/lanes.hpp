@@ -15,12 +15,15 @@ namespace {
 #if defined(__AVX512F__)
 constexpr int LANES = 16;
 constexpr int ROWS = 12;  // particles in a block of the products: 12 x 2 sums fit the 32 registers
+constexpr int AT_ONCE = 2;   // neighbours whose sums are made side by side: 2 x 4 kernels x 2 vectors fit
 #elif defined(__AVX2__)
 constexpr int LANES = 8;
-constexpr int ROWS = 6;  // 6 x 2 sums fit the 16 registers
+constexpr int ROWS = 6;     // 6 x 2 sums fit the 16 registers
+constexpr int AT_ONCE = 1;  // 4 kernels x 2 vectors fit
 #else
 constexpr int LANES = 4;
 constexpr int ROWS = 6;
+constexpr int AT_ONCE = 1;
 #endif
 
 typedef float Floats __attribute__((vector_size(4 * LANES)));
@@ -50,17 +53,6 @@ inline FourFloats load_four(const float* from) {
 template <typename Vector>
 inline void store(void* to, Vector values) { std::memcpy(to, &values, sizeof values); }
 
-// The first `count` of the lanes.
-inline void store_first(float* to, Floats values, int count) {
-#if defined(__AVX512F__)
-    _mm512_mask_storeu_ps(to, static_cast<__mmask16>((1u << count) - 1u), (__m512)values);
-#else
-    float all[LANES];
-    store(all, values);
-    for (int lane = 0; lane < count; ++lane) to[lane] = all[lane];
-#endif
-}
-
 inline Floats square_root(Floats values) {
 #if defined(__AVX512F__)
     return (Floats)_mm512_sqrt_ps((__m512)values);
@@ -78,6 +70,9 @@ inline Floats reciprocal(Floats x) {
 #if defined(__AVX512F__)
     const Floats guess = (Floats)_mm512_rcp14_ps((__m512)x);
     return guess * (2.0f - x * guess);  // a step of Newton's
+#elif defined(__AVX2__)
+    const Floats guess = (Floats)_mm256_rcp_ps((__m256)x);
+    return guess * (2.0f - x * guess);
 #else
     return 1.0f / x;
 #endif
@@ -111,49 +106,28 @@ inline Floats exponential(Floats x) {
     return sum * (Floats)power;
 }
 
-// ln(x) of normal x > 0 to 2e-7.
-inline Floats logarithm(Floats x) {
-    const Ints bits = (Ints)x;
-    Ints power = (bits >> 23) - 126;
-    Floats part = (Floats)((bits & 0x007fffff) | 0x3f000000);  // [0.5, 1)
-    const Ints low = part < 0.707106781f;                       // all ones where so
-    power += low;
-    part = (low ? part + part : part) - 1.0f;
-    const Floats square = part * part;
-    Floats sum = splat(7.0376836292e-2f);  // Cephes logf
-    sum = sum * part - 1.1514610310e-1f;
-    sum = sum * part + 1.1676998740e-1f;
-    sum = sum * part - 1.2420140846e-1f;
-    sum = sum * part + 1.4249322787e-1f;
-    sum = sum * part - 1.6668057665e-1f;
-    sum = sum * part + 2.0000714765e-1f;
-    sum = sum * part - 2.4999993993e-1f;
-    sum = sum * part + 3.3333331174e-1f;
-    const Floats exponent = from_ints(power);
-    const Floats result = part + (sum * part * square - 0.5f * square - exponent * 2.12194440e-4f);
-    // x - x is zero for every number, so what is no number stays none.
-    return result + exponent * 0.693359375f + (x - x);
-}
-
 inline Floats sigmoid(Floats x) { return reciprocal(1.0f + exponential(-x)); }
 
 inline Floats silu(Floats x) { return x * sigmoid(x); }
-
-// asinh by ln(1 + u), which loses nothing where x is small; sizes above 1e18 as 1e18.
-inline Floats soft_limit(Floats x) {
-    const Floats size = at_most(x < 0.0f ? -x : x, 1e18f);
-    const Floats square = size * size;
-    const Floats u = size + square * reciprocal(1.0f + square_root(square + 1.0f));
-    const Floats w = 1.0f + u;
-    const Floats limited = logarithm(w) + (u - (w - 1.0f)) * reciprocal(w);
-    return x < 0.0f ? -limited : limited;
-}
 
 // Where other particles are, seen from one: displacement and index; `x` and so on are lists with room.
 struct Places {
     float *x, *y, *z;
     int32_t* index;
 };
+
+#if defined(__AVX2__) && !defined(__AVX512F__)
+// For every set of lanes the order that brings these to the front.
+struct Fronts {
+    int32_t of[1 << LANES][LANES];
+    constexpr Fronts() : of{} {
+        for (int set = 0; set < 1 << LANES; ++set)
+            for (int lane = 0, at = 0; lane < LANES; ++lane)
+                if (set >> lane & 1) of[set][at++] = lane;
+    }
+};
+alignas(64) constexpr Fronts FRONTS{};
+#endif
 
 // Appends the lanes that are set to lists of `length`, which must have room for LANES more; returns the new length.
 inline int64_t append(const Places& to, int64_t length, Ints set, Floats x, Floats y, Floats z, Ints index) {
@@ -164,23 +138,21 @@ inline int64_t append(const Places& to, int64_t length, Ints set, Floats x, Floa
     _mm512_storeu_ps(to.z + length, _mm512_maskz_compress_ps(mask, (__m512)z));
     _mm512_storeu_si512(to.index + length, _mm512_maskz_compress_epi32(mask, (__m512i)index));
     return length + __builtin_popcount(mask);
+#elif defined(__AVX2__)
+    const auto mask = static_cast<unsigned>(_mm256_movemask_ps((__m256)set));
+    const auto front = (__m256i)load_ints(FRONTS.of[mask]);
+    store(to.x + length, _mm256_permutevar8x32_ps((__m256)x, front));
+    store(to.y + length, _mm256_permutevar8x32_ps((__m256)y, front));
+    store(to.z + length, _mm256_permutevar8x32_ps((__m256)z, front));
+    store(to.index + length, _mm256_permutevar8x32_epi32((__m256i)index, front));
+    return length + _mm_popcnt_u32(mask);
 #else
-#if defined(__AVX2__)
-    unsigned mask = static_cast<unsigned>(_mm256_movemask_ps((__m256)set));
-#else
-    unsigned mask = 0;
-    for (int lane = 0; lane < LANES; ++lane) mask |= static_cast<unsigned>(set[lane] & 1) << lane;
-#endif
-    if (mask == 0) return length;
-    float places[3][LANES];
-    int32_t numbers[LANES];
-    store(places[0], x), store(places[1], y), store(places[2], z), store(numbers, index);
-    for (; mask; mask &= mask - 1, ++length) {
-        const int lane = __builtin_ctz(mask);
-        to.x[length] = places[0][lane];
-        to.y[length] = places[1][lane];
-        to.z[length] = places[2][lane];
-        to.index[length] = numbers[lane];
+    for (int lane = 0; lane < LANES; ++lane) {
+        to.x[length] = x[lane];
+        to.y[length] = y[lane];
+        to.z[length] = z[lane];
+        to.index[length] = index[lane];
+        length += set[lane] & 1;
     }
     return length;
 #endif

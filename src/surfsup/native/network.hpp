@@ -57,7 +57,7 @@ private:
     // Kept from step to step; a second caller waits.
     std::mutex stepping_;
     CellList cells_;
-    AlignedFloats x_, y_, z_, velocity_, factors_, hidden_[2];
+    AlignedFloats x_, y_, z_, velocity_, factors_, hidden_[2], told_[2];
     std::vector<Edges> edges_;
     std::vector<Arena> arenas_;
     std::vector<AlignedFloats> scratch_;

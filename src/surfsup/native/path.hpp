@@ -60,66 +60,48 @@ inline void product(const float* a, int64_t a_row, int depth, const float* w, in
     product(a, a_row, depth, w, columns, columns, use);
 }
 
-// Sums over neighbours of VECTORS vectors of channels, for every kernel apart, `to_row` floats from one to the next.
+constexpr int GATHERED = 2;  // vectors of channels that are summed together: a kernel is spread over a vector once for both
+
+// Sums over neighbours of VECTORS vectors of what they tell, for every mixed kernel apart, `row` floats from one neighbour,
+// and from one kernel, to the next.
 template <int VECTORS>
-inline void gather(const Edges& edges, const float* hidden, int width, float* to, int to_row) {
-    Floats sums[KERNELS][VECTORS];
-#pragma GCC unroll 8
-    for (int m = 0; m < KERNELS; ++m)
+inline void gather(const Edges& edges, const float* told, int row, float* to) {
+    // Some neighbours at a time, each to sums of its own: four sums alone would wait for each other's additions.
+    Floats sums[AT_ONCE][MIXED][VECTORS];
 #pragma GCC unroll 2
-        for (int v = 0; v < VECTORS; ++v) sums[m][v] = Floats{};
-    const float* kernel = edges.kernels;
-    const int64_t near = edges.near, far = edges.all - edges.near;
-    for (int64_t e = 0; e < near; ++e, ++kernel) {
-        const float* from = hidden + static_cast<int64_t>(edges.senders[e]) * width;
+    for (int s = 0; s < AT_ONCE; ++s)
+#pragma GCC unroll 4
+        for (int m = 0; m < MIXED; ++m)
+#pragma GCC unroll 2
+            for (int v = 0; v < VECTORS; ++v) sums[s][m][v] = Floats{};
+    const int64_t count = edges.count;
+    const auto add = [&](int64_t e, Floats(&to_these)[MIXED][VECTORS]) {
+        const float* from = told + static_cast<int64_t>(edges.senders[e]) * row;
         Floats values[VECTORS];
 #pragma GCC unroll 2
         for (int v = 0; v < VECTORS; ++v) values[v] = load(from + v * LANES);
-#pragma GCC unroll 8
-        for (int m = 0; m < KERNELS; ++m) {
-            const Floats weight = splat(kernel[m * near]);
-#pragma GCC unroll 2
-            for (int v = 0; v < VECTORS; ++v) sums[m][v] += weight * values[v];
-        }
-    }
-    kernel = edges.kernels + KERNELS * near;
-    // Two at a time, each to sums of its own: four sums alone would wait for each other's additions.
-    Floats others[4][VECTORS];
 #pragma GCC unroll 4
-    for (int m = 0; m < 4; ++m)
+        for (int m = 0; m < MIXED; ++m) {
+            const Floats weight = splat(edges.kernels[m * count + e]);
 #pragma GCC unroll 2
-        for (int v = 0; v < VECTORS; ++v) others[m][v] = Floats{};
-    const auto add = [&](int64_t e, auto&& sum_of) {
-        const float* from = hidden + static_cast<int64_t>(edges.senders[near + e]) * width;
-#pragma GCC unroll 2
-        for (int v = 0; v < VECTORS; ++v) {
-            const Floats value = load(from + v * LANES);
-#pragma GCC unroll 4
-            for (int m = 0; m < 4; ++m) sum_of(m)[v] += splat(kernel[m * far + e]) * value;
+            for (int v = 0; v < VECTORS; ++v) to_these[m][v] += weight * values[v];
         }
     };
     int64_t e = 0;
-    for (; e + 2 <= far; e += 2) {
-        add(e, [&](int m) -> Floats(&)[VECTORS] { return sums[FAR_KERNELS[m]]; });
-        add(e + 1, [&](int m) -> Floats(&)[VECTORS] { return others[m]; });
-    }
-    if (e < far) add(e, [&](int m) -> Floats(&)[VECTORS] { return others[m]; });
+    for (; e + AT_ONCE <= count; e += AT_ONCE)
+#pragma GCC unroll 2
+        for (int s = 0; s < AT_ONCE; ++s) add(e + s, sums[s]);
+    if (e < count) add(e, sums[0]);
 #pragma GCC unroll 4
-    for (int m = 0; m < 4; ++m)
+    for (int m = 0; m < MIXED; ++m)
 #pragma GCC unroll 2
-        for (int v = 0; v < VECTORS; ++v) sums[FAR_KERNELS[m]][v] += others[m][v];
-#pragma GCC unroll 8
-    for (int m = 0; m < KERNELS; ++m)
+        for (int v = 0; v < VECTORS; ++v) {
+            Floats sum = sums[0][m][v];
 #pragma GCC unroll 2
-        for (int v = 0; v < VECTORS; ++v) store(to + m * to_row + v * LANES, sums[m][v]);
+            for (int s = 1; s < AT_ONCE; ++s) sum += sums[s][m][v];
+            store(to + m * row + v * LANES, sum);
+        }
 }
-
-// Eight sums of as many vectors as fit the registers.
-#if defined(__AVX512F__)
-constexpr int GATHERED = 2;
-#else
-constexpr int GATHERED = 1;
-#endif
 
 inline int32_t wrapped(int32_t cell, int32_t size) { return cell < 0 ? cell + size : cell >= size ? cell - size : cell; }
 
@@ -194,25 +176,20 @@ inline bool see_cell(const Frame& frame, int32_t cell, Search& search, Arena& ar
     return true;
 }
 
-// Kernels of edges; `kept` says which of the eight are stored, each as a list of its own.
-template <int KEPT>
-inline void kernels_of(const Frame& frame, const Places& edges, int64_t first, int64_t count, const int (&kept)[KEPT], float* to) {
-    const float scale = 1.0f / frame.constants.radius, to_close = 1.0f / frame.constants.close;
-    for (int64_t e = 0; e < count; e += LANES) {
-        const Floats x = load(edges.x + first + e) * scale, y = load(edges.y + first + e) * scale;
-        const Floats z = load(edges.z + first + e) * scale;
+// The four kernels of a window that ends at `reach`, each a list of `count` edges. Whole vectors are stored: what spills
+// over a list's end is overwritten by what comes there, and behind the last list there must be room for a vector.
+inline void kernels_of(const Frame& frame, const Places& edges, int64_t count, float reach, float* to) {
+    const float scale = 1.0f / frame.constants.radius, to_reach = 1.0f / reach;
+    // The last vector, which spills, comes first.
+    for (int64_t e = (count - 1) / LANES * LANES; e >= 0; e -= LANES) {
+        const Floats x = load(edges.x + e) * scale, y = load(edges.y + e) * scale, z = load(edges.z + e) * scale;
         const Floats distance = square_root(x * x + y * y + z * z);
-        const Floats wide = at_least(1.0f - distance, 0.0f);
-        const Floats close = at_least(1.0f - distance * to_close, 0.0f);
-        const Floats inverse = reciprocal(at_least(distance, 1e-6f));
-        const Floats along_wide = wide * inverse, along_close = close * inverse;
-        const Floats all[KERNELS] = {
-            wide * wide,    close * close,   along_wide * x,  along_wide * y,
-            along_wide * z, along_close * x, along_close * y, along_close * z,
-        };
-        const int here = count - e < LANES ? static_cast<int>(count - e) : LANES;
-#pragma GCC unroll 8
-        for (int m = 0; m < KEPT; ++m) store_first(to + m * count + e, all[kept[m]], here);
+        const Floats window = at_least(1.0f - distance * to_reach, 0.0f);
+        const Floats along = window * reciprocal(at_least(distance, 1e-6f));
+        store(to + e, window * window);
+        store(to + count + e, along * x);
+        store(to + 2 * count + e, along * y);
+        store(to + 3 * count + e, along * z);
     }
 }
 
@@ -256,34 +233,26 @@ inline void sort_edges(const Frame& frame, int row, Search& search) {
     }
 }
 
-// The neighbours of a sorted particle, which is a row of the search, and their kernels.
-inline bool keep_edges(const Frame& frame, int32_t i, int row, const Search& search, Arena& arena) {
+// The neighbours of a sorted particle, which is a row of the search, and their kernels: those of the wide window are kept,
+// those of the close one take the place of what was found, which is in order now.
+inline bool keep_edges(const Frame& frame, int32_t i, int row, Search& search, Arena& arena) {
     const Places& sorted = search.sorted[row];
-    const int64_t edges = search.found[row], nears = search.near[row];
-    const int64_t fars = edges - nears, floats = KERNELS * nears + 4 * fars;
-    auto* memory = static_cast<float*>(take(arena, 4 * (floats + edges)));
+    const int64_t edges = search.found[row];
+    auto* memory = static_cast<float*>(take(arena, 4 * ((MIXED + 1) * edges + LANES)));
     if (!memory) return false;
-    auto* senders = reinterpret_cast<int32_t*>(memory + floats);
+    auto* senders = reinterpret_cast<int32_t*>(memory + MIXED * edges);
+    kernels_of(frame, sorted, edges, 1.0f, memory);
     std::memcpy(senders, sorted.index, 4 * static_cast<size_t>(edges));
-    kernels_of(frame, sorted, 0, nears, NEAR_KERNELS, memory);
-    kernels_of(frame, sorted, nears, fars, FAR_KERNELS, memory + KERNELS * nears);
-    frame.edges[i] = {memory, senders, static_cast<int32_t>(nears), static_cast<int32_t>(edges)};
+    kernels_of(frame, sorted, search.near[row], frame.constants.close, search.within[row].x);
+    frame.edges[i] = {memory, senders, static_cast<int32_t>(edges)};
     return true;
 }
 
-// For every kernel the sum over neighbours of (velocity, 1).
-inline void sum_velocities(const Frame& frame, const Edges& edges, FourFloats (&sums)[KERNELS]) {
-    for (auto& sum : sums) sum = FourFloats{};
-    const int64_t near = edges.near, far = edges.all - edges.near;
-    const float* kernel = edges.kernels;
-    for (int64_t e = 0; e < near; ++e, ++kernel) {
-        const FourFloats value = load_four(frame.velocity + 4 * static_cast<int64_t>(edges.senders[e]));
-        for (int m = 0; m < KERNELS; ++m) sums[m] += kernel[m * near] * value;
-    }
-    kernel = edges.kernels + KERNELS * near;
-    for (int64_t e = 0; e < far; ++e, ++kernel) {
-        const FourFloats value = load_four(frame.velocity + 4 * static_cast<int64_t>(edges.senders[near + e]));
-        for (int m = 0; m < 4; ++m) sums[FAR_KERNELS[m]] += kernel[m * far] * value;
+// Adds to the four sums of a window over `count` neighbours of (velocity, 1).
+inline void sum_velocities(const Frame& frame, const int32_t* senders, const float* kernels, int64_t count, FourFloats* sums) {
+    for (int64_t e = 0; e < count; ++e) {
+        const FourFloats value = load_four(frame.velocity + 4 * static_cast<int64_t>(senders[e]));
+        for (int m = 0; m < 4; ++m) sums[m] += kernels[m * count + e] * value;
     }
 }
 
@@ -293,38 +262,38 @@ inline float nearness(const Frame& frame, float distance) {
     return value < 0.0f ? 0.0f : value > 2.0f ? 2.0f : value;
 }
 
-// What acts on a sorted particle (ROW), its soft limit still to be taken, and how its neighbours lie (8); the order is that of `columns` in network.hpp.
-inline void observe(const Frame& frame, int32_t i, float* acts, float* lie) {
+// What acts on a sorted particle (ACTIONS), which is a row of the search, and how its neighbours lie (8), as in features.py.
+inline void observe(const Frame& frame, int32_t i, int row, const Search& search, float* acts, float* lie) {
     const Constants& c = frame.constants;
     const int64_t caller = frame.order[i];
     const float *velocity = frame.velocities + 3 * caller, *ahead = frame.ahead + 3 * caller;
     const float* normal = frame.normal + 3 * caller;
-    FourFloats sums[KERNELS];
-    sum_velocities(frame, frame.edges[i], sums);
-    for (int m = 0; m < KERNELS; ++m) {
-        lie[m] = sums[m][3];
-        for (int axis = 0; axis < 3; ++axis)
-            acts[3 * m + axis] = (sums[m][axis] - lie[m] * velocity[axis]) * (c.frame_time / c.displacement_scale);
-    }
-    for (int column = LIMITED; column < LIMITED_ROOM; ++column) acts[column] = 0.0f;
+    const Edges& edges = frame.edges[i];
+    FourFloats sums[KERNELS] = {};
+    sum_velocities(frame, edges.senders, edges.kernels, edges.count, sums);
+    sum_velocities(frame, edges.senders, search.within[row].x, search.near[row], sums + MIXED);
 
-    float* rest = acts + LIMITED_ROOM;
+    const float to_velocity = 1.0f / c.velocity_scale, to_nearness = 1.0f / c.nearness_scale;
     const float near_solid = nearness(frame, frame.distance[caller]);
     const float from_solid = velocity[0] * normal[0] + velocity[1] * normal[1] + velocity[2] * normal[2];
-    rest[0] = near_solid;
-    for (int axis = 0; axis < 3; ++axis) rest[1 + axis] = near_solid * normal[axis];
-    rest[4] = near_solid * from_solid * (1.0f / c.velocity_scale);
+    acts[0] = near_solid * to_nearness;
+    for (int axis = 0; axis < 3; ++axis) acts[1 + axis] = near_solid * to_nearness * normal[axis];
+    acts[4] = near_solid * from_solid * to_velocity;
     for (int axis = 0; axis < 3; ++axis) {
         const float low = nearness(frame, ahead[axis] - frame.lower[axis]);
         const float high = nearness(frame, frame.upper[axis] - ahead[axis]);
-        rest[5 + axis] = low;
-        rest[8 + axis] = high;
-        rest[11 + axis] = low * velocity[axis] * (1.0f / c.velocity_scale);
-        rest[14 + axis] = high * -velocity[axis] * (1.0f / c.velocity_scale);
+        acts[5 + axis] = low * to_nearness;
+        acts[8 + axis] = high * to_nearness;
+        acts[11 + axis] = low * velocity[axis] * to_velocity;
+        acts[14 + axis] = high * -velocity[axis] * to_velocity;
     }
-    const float crowding = lie[1] - c.crowded < 0.0f ? 0.0f : lie[1] - c.crowded;
-    rest[17] = crowding;
-    for (int axis = 0; axis < 3; ++axis) rest[18 + axis] = crowding * lie[5 + axis];
+    for (int m = 0; m < KERNELS; ++m) {
+        lie[m] = sums[m][3];
+        for (int axis = 0; axis < 3; ++axis) acts[17 + 3 * m + axis] = (sums[m][axis] - lie[m] * velocity[axis]) * to_velocity;
+    }
+    const float over = lie[MIXED] - c.crowded, crowding = over < 0.0f ? 0.0f : over / c.crowding_scale;
+    acts[41] = crowding;
+    for (int axis = 0; axis < 3; ++axis) acts[42 + axis] = crowding * lie[MIXED + 1 + axis];
     for (int m = 0; m < KERNELS; ++m) {
         const float most = c.thickest[m];
         lie[m] = lie[m] > most ? most : lie[m] < -most ? -most : lie[m];
@@ -344,16 +313,15 @@ ALWAYS_INLINE void fetch(const void* from, int64_t bytes) {
     for (int64_t at = 0; at < bytes; at += FETCHED) __builtin_prefetch(static_cast<const char*>(from) + at);
 }
 
-ALWAYS_INLINE void fetch_ahead(const Frame& frame, int32_t i, const float* hidden, int width, int messages) {
+ALWAYS_INLINE void fetch_ahead(const Frame& frame, int32_t i, const float* told, int messages) {
     if (i + EDGES_AHEAD < frame.count) {
         const Edges& edges = frame.edges[i + EDGES_AHEAD];
-        const int64_t near = edges.near, far = edges.all - near;
-        fetch(edges.kernels, 4 * ((KERNELS + 1) * near + (4 + 1) * far));  // and behind them the neighbours
+        fetch(edges.kernels, 4 * (MIXED + 1) * static_cast<int64_t>(edges.count));  // and behind them the neighbours
     }
     if (i + HIDDEN_AHEAD < frame.count) {
         const Edges& edges = frame.edges[i + HIDDEN_AHEAD];
-        for (int32_t e = 0; e < edges.all; ++e)
-            fetch(hidden + static_cast<int64_t>(edges.senders[e]) * width, 4 * static_cast<int64_t>(messages));
+        for (int32_t e = 0; e < edges.count; ++e)
+            fetch(told + static_cast<int64_t>(edges.senders[e]) * messages, 4 * static_cast<int64_t>(messages));
     }
 }
 
@@ -366,10 +334,17 @@ ALWAYS_INLINE void fetch_caller(const Frame& frame, int32_t i) {
     __builtin_prefetch(frame.distance + at);
 }
 
+// A vector of a particle's hidden state, and of what it tells its neighbours of it.
+inline void keep_hidden(const Frame& frame, int which, int64_t i, int column, Floats values) {
+    const int width = frame.weights.width, messages = frame.weights.messages;
+    store(frame.hidden[which] + i * width + column, values);
+    if (column < messages) store(frame.told[which] + i * messages + column, values);
+}
+
 int64_t look(const Frame& frame, int32_t begin, int32_t end, Arena& arena, float* scratch) {
     const Weights& w = frame.weights;
     const int width = w.width;
-    float *acts = scratch, *lie = acts + ROWS * ROW, *one = lie + ROWS * KERNELS, *factors = one + ROWS * width;
+    float *acts = scratch, *lie = acts + ROWS * ACTIONS, *one = lie + ROWS * KERNELS, *factors = one + ROWS * width;
     Search search;
     int64_t edges = 0;
     for (int32_t block = begin; block < end; block += ROWS) {
@@ -386,24 +361,22 @@ int64_t look(const Frame& frame, int32_t begin, int32_t end, Arena& arena, float
             if (!keep_edges(frame, block + row, row, search, arena)) return -1;
             edges += search.found[row];
         }
-        for (int row = 0; row < here; ++row) observe(frame, block + row, acts + row * ROW, lie + row * KERNELS);
         for (int row = 0; row < here; ++row)
-            for (float* limited = acts + row * ROW; limited < acts + row * ROW + LIMITED_ROOM; limited += LANES)
-                store(limited, soft_limit(load(limited)));
+            observe(frame, block + row, row, search, acts + row * ACTIONS, lie + row * KERNELS);
         product(lie, KERNELS, KERNELS, w.factor_in, width, [&](int row, int column, Floats sum) {
             store(one + row * width + column, silu(sum + load(w.factor_in_bias + column)));
         });
         product(one, width, width, w.factor_out, 2 * width, [&](int row, int column, Floats sum) {
             store(factors + row * 2 * width + column, 1.0f + (sum + load(w.factor_out_bias + column)));
         });
-        product(acts, ROW, ROW, w.encode_in, width, [&](int row, int column, Floats sum) {
+        product(acts, ACTIONS, ACTIONS, w.encode_in, width, [&](int row, int column, Floats sum) {
             store(one + row * width + column, silu(sum));
         });
         product(one, width, width, w.encode_out, width, [&](int row, int column, Floats sum) {
             if (row >= here) return;
             const int64_t at = static_cast<int64_t>(block + row) * width + column;
             const float* factor = factors + row * 2 * width + column;
-            store(frame.hidden[0] + at, sum * load(factor));
+            keep_hidden(frame, 0, block + row, column, sum * load(factor));
             store(frame.factors + at, load(factor + width));
         });
     }
@@ -449,11 +422,11 @@ void decode(const Frame& frame, int32_t block, int here, const float* hidden, fl
 
 void layer(const Frame& frame, int number, int32_t begin, int32_t end, float* scratch) {
     const Weights& w = frame.weights;
-    const int width = w.width, messages = w.messages, depth = KERNELS * messages + width;
+    const int width = w.width, messages = w.messages, depth = MIXED * messages + width;
     const float* mix = w.mix + static_cast<int64_t>(number) * depth * width;
     const float* out = w.out + static_cast<int64_t>(number) * width * width;
-    const float* hidden = frame.hidden[number % 2];
-    float* next = frame.hidden[1 - number % 2];
+    const float *hidden = frame.hidden[number % 2], *told = frame.told[number % 2];
+    const int next = 1 - number % 2;
     const bool last = number == w.layers - 1, fetches = static_cast<int64_t>(frame.count) * width * 4 > CACHED;
     float *sums = scratch, *one = sums + ROWS * depth, *rest = one + ROWS * width;
     for (int32_t block = begin; block < end; block += ROWS) {
@@ -461,12 +434,12 @@ void layer(const Frame& frame, int number, int32_t begin, int32_t end, float* sc
         for (int row = 0; row < here; ++row) {
             const Edges& edges = frame.edges[block + row];
             float* to = sums + static_cast<int64_t>(row) * depth;
-            if (fetches) fetch_ahead(frame, block + row, hidden, width, messages);
+            if (fetches) fetch_ahead(frame, block + row, told, messages);
             int column = 0;
             for (; column + GATHERED * LANES <= messages; column += GATHERED * LANES)
-                gather<GATHERED>(edges, hidden + column, width, to + column, messages);
-            for (; column < messages; column += LANES) gather<1>(edges, hidden + column, width, to + column, messages);
-            std::memcpy(to + KERNELS * messages, hidden + static_cast<int64_t>(block + row) * width, 4 * static_cast<size_t>(width));
+                gather<GATHERED>(edges, told + column, messages, to + column);
+            for (; column < messages; column += LANES) gather<1>(edges, told + column, messages, to + column);
+            std::memcpy(to + MIXED * messages, hidden + static_cast<int64_t>(block + row) * width, 4 * static_cast<size_t>(width));
         }
         product(sums, depth, depth, mix, width, [&](int row, int column, Floats sum) {
             store(one + row * width + column, silu(sum));
@@ -474,15 +447,15 @@ void layer(const Frame& frame, int number, int32_t begin, int32_t end, float* sc
         product(one, width, width, out, width, [&](int row, int column, Floats sum) {
             if (row >= here) return;
             const int64_t at = static_cast<int64_t>(block + row) * width + column;
-            store(next + at, load(hidden + at) + sum);
+            keep_hidden(frame, next, block + row, column, load(hidden + at) + sum);
         });
-        if (last) decode(frame, block, here, next + static_cast<int64_t>(block) * width, rest);
+        if (last) decode(frame, block, here, frame.hidden[next] + static_cast<int64_t>(block) * width, rest);
     }
 }
 
 int64_t scratch(const Frame& frame) {
     const int64_t width = frame.weights.width;
-    const int64_t to_look = ROW + KERNELS + 3 * width, to_layer = KERNELS * frame.weights.messages + (1 + 1 + 2) * width + OUTPUT_ROOM;
+    const int64_t to_look = ACTIONS + KERNELS + 3 * width, to_layer = MIXED * frame.weights.messages + (1 + 1 + 2) * width + OUTPUT_ROOM;
     return ROWS * (to_look > to_layer ? to_look : to_layer);
 }
 

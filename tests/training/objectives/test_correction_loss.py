@@ -22,6 +22,7 @@ AROUND = Surroundings(
     None, torch.tensor([-0.5, -0.5, 0.0]), torch.tensor([0.5, 0.5, 2.0]), torch.tensor([0.0, 0.0, -9.81])
 )
 SPEED = DISPLACEMENT_SCALE / FRAME_TIME  # m/s that count as 1 in the energy loss
+SURE = torch.ones(1)  # every particle is where the truth has it
 
 
 def seen_by(simulator: Simulator):
@@ -38,7 +39,7 @@ def test_the_wanted_correction_leads_to_the_truth_and_costs_nothing():
     reached = simulator.advance(seen, wanted)
     torch.testing.assert_close(reached[0], positions, atol=1e-6, rtol=0)
     torch.testing.assert_close(reached[1], velocities, atol=1e-5, rtol=0)
-    assert motion_loss(wanted, wanted, torch.zeros(20, dtype=torch.bool)) == 0
+    assert motion_loss(wanted, wanted, torch.zeros(20, dtype=torch.bool), SURE) == 0
 
 
 def test_in_free_fall_nothing_is_wanted():
@@ -74,7 +75,7 @@ def test_a_frame_cannot_look_easier_by_straying_in_the_one_before():
     strayed = torch.randn(5, 3, requires_grad=True)
     wanted = Correction(strayed, torch.zeros(5, 3))
     predicted = Correction(strayed, torch.zeros(5, 3))  # follows exactly: nothing may push it either way
-    loss = motion_loss(predicted, wanted, torch.zeros(5, dtype=torch.bool))
+    loss = motion_loss(predicted, wanted, torch.zeros(5, dtype=torch.bool), SURE)
     (gradient,) = torch.autograd.grad(loss, strayed)
     assert not gradient.any()
 
@@ -85,22 +86,24 @@ def test_motion_loss_worked_by_hand():
     far, near = torch.tensor([False, False]), torch.tensor([True, False])
     size = math.sqrt(0.5 + 0.05)  # the mean of 1 and 0, and the floor
     # Velocity 1² and twice position 2² make 9 for the first particle and 0 for the second.
-    assert float(motion_loss(nothing, wanted, far)) == pytest.approx((9 + 0) / 2 / size)
-    assert float(motion_loss(nothing, wanted, near)) == pytest.approx((2 * 9 + 0) / 3 / size)
+    assert float(motion_loss(nothing, wanted, far, SURE)) == pytest.approx((9 + 0) / 2 / size)
+    assert float(motion_loss(nothing, wanted, near, SURE)) == pytest.approx((2 * 9 + 0) / 3 / size)
+    half = torch.tensor([0.5, 1.0])  # the first has strayed: its error counts half, and that of the frame with it
+    assert float(motion_loss(nothing, wanted, near, half)) == pytest.approx((2 * 0.5 * 9 + 0) / 3 / size)
 
 
 def test_calm_loss_worked_by_hand():
     nothing = Correction(torch.zeros(2, 3), torch.zeros(2, 3))
     # The first is off by CALM in its velocity, the second not at all: ln 2 and 0.
     wanted = Correction(torch.tensor([[CALM, 0, 0], [0, 0, 0]]), torch.zeros(2, 3))
-    assert float(calm_loss(nothing, wanted)) == pytest.approx(math.log(2) / 2)
+    assert float(calm_loss(nothing, wanted, SURE)) == pytest.approx(math.log(2) / 2)
 
 
 def test_halving_an_error_is_worth_the_same_to_the_calm_loss_whether_it_is_large_or_small():
     def gain(size: float) -> float:
         wanted = Correction(torch.full((5, 3), size), torch.full((5, 3), size))
         off, half = (Correction(share * wanted.velocity, share * wanted.position) for share in (0, 0.5))
-        return float(calm_loss(off, wanted) - calm_loss(half, wanted))
+        return float(calm_loss(off, wanted, SURE) - calm_loss(half, wanted, SURE))
 
     assert gain(100.0) == pytest.approx(math.log(4), rel=1e-3)
     assert gain(1.0) == pytest.approx(math.log(4), rel=2e-3)
@@ -151,5 +154,5 @@ def test_losses_have_the_gradients_of_finite_differences():
     assert torch.autograd.gradcheck(lambda v: energy_loss(v, true, places, shift), velocities)
     wanted, near = Correction(draw(), draw()), torch.tensor([True, False] * 3)
     predicted = draw().requires_grad_(), draw().requires_grad_()
-    assert torch.autograd.gradcheck(lambda v, x: motion_loss(Correction(v, x), wanted, near), predicted)
-    assert torch.autograd.gradcheck(lambda v, x: calm_loss(Correction(v, x), wanted), predicted)
+    assert torch.autograd.gradcheck(lambda v, x: motion_loss(Correction(v, x), wanted, near, SURE), predicted)
+    assert torch.autograd.gradcheck(lambda v, x: calm_loss(Correction(v, x), wanted, SURE), predicted)

@@ -23,6 +23,7 @@ from surfsup.training.objectives.correction_loss import (
 )
 from surfsup.training.objectives.density_loss import density_loss
 from surfsup.training.objectives.objective import Batch, Objective, StepErrors, mean_where
+from surfsup.training.objectives.strayed import weight_of
 
 NOISE_DECADES = 2.0  # how many powers of ten smaller than the configured noise a window's may be
 
@@ -46,13 +47,16 @@ class CorrectionObjective(Objective):
         ]
         corrections = split(model.correct(join_observations(seen)), seen)
         errors, reached = [], []
-        for window, random, view, correction in zip(windows, batch.randoms, seen, corrections, strict=True):
+        for state, window, random, view, correction in zip(
+            states, windows, batch.randoms, seen, corrections, strict=True
+        ):
             reached.append(model.advance(view, correction))
             true_positions, true_velocities = window.frame(number + 1)
             wanted = wanted_correction(view, window.frame(number), (true_positions, true_velocities))
             with torch.no_grad():
+                sure = weight_of(state.positions - window.frame(number)[0])
                 near = window.around.distance_and_normal(view.ahead)[0] < NEAR_SURFACE
-            loss = motion_loss(correction, wanted, near)
+            loss = motion_loss(correction, wanted, near, sure)
             if phase.energy > 0:
                 shift = torch.from_numpy(random.uniform(0, 1, 3).astype(np.float32)).to(near.device)
                 size = wanted.velocity.detach().square().sum(dim=-1).mean().sqrt()
@@ -60,7 +64,7 @@ class CorrectionObjective(Objective):
                     reached[-1][1], true_velocities, true_positions, shift
                 )
             if phase.calm > 0:
-                loss = loss + phase.calm * calm_loss(correction, wanted)
+                loss = loss + phase.calm * calm_loss(correction, wanted, sure)
             if phase.density > 0:
                 loss = loss + phase.density * density_loss(reached[-1][0], view.graph.neighbourhood)
             error = squared_error(correction, wanted)

@@ -41,7 +41,7 @@ def wanted_correction(seen: Observation, before: Frame, after: Frame) -> Correct
     return Correction(gained * FRAME_TIME / DISPLACEMENT_SCALE, (goal - seen.ahead) / DISPLACEMENT_SCALE)
 
 
-def motion_loss(predicted: Correction, wanted: Correction, near: Tensor) -> Tensor:
+def motion_loss(predicted: Correction, wanted: Correction, near: Tensor, sure: Tensor) -> Tensor:
     """Squared error of velocity and, twice, of position, over the root of the frame's own size.
 
     Dividing by the root lets calm frames count without letting them drown the impacts.
@@ -50,21 +50,22 @@ def motion_loss(predicted: Correction, wanted: Correction, near: Tensor) -> Tens
         predicted: by the network.
         wanted: the truth.
         near: (N,) whether a particle is within NEAR_SURFACE of the solid.
+        sure: (N,) what a particle's truth still says of it, 0 to 1 (:func:`.strayed.weight_of`).
     """
     error = squared_error(predicted, wanted)
     weight = torch.where(near, NEAR_WEIGHT, 1.0)
     # Without a gradient: else a frame could be made to look easier by straying further in the one before.
     size = wanted.velocity.detach().square().sum(dim=-1).mean()
-    return (weight * error).sum() / weight.sum() / (size + FLOOR).sqrt()
+    return (weight * sure * error).sum() / weight.sum() / (size + FLOOR).sqrt()
 
 
-def calm_loss(predicted: Correction, wanted: Correction) -> Tensor:
+def calm_loss(predicted: Correction, wanted: Correction, sure: Tensor) -> Tensor:
     """Logarithm of the squared error, so that halving a small one is worth as much as halving a large one.
 
     Beside an impact a fall and a pool at rest weigh nothing in a squared error. But they last: hundredths of a
     millimetre a frame on the way down are millimetres at the impact, and these decide where the splash goes.
     """
-    return torch.log1p(squared_error(predicted, wanted) / CALM**2).mean()
+    return (sure * torch.log1p(squared_error(predicted, wanted) / CALM**2)).mean()
 
 
 def squared_error(predicted: Correction, wanted: Correction) -> Tensor:

@@ -1,0 +1,72 @@
+"""How far ten frames of the model are from the truth that they began at: the sharpest measure of what it has learned.
+
+    python benchmarks/ten_frames.py [DATA] [--scenes 10] [--model NAME OR FILE ...]
+
+Plain Chamfer, metres, means over the first scenes of a data set: of rollouts begun at twenty true frames of the splash
+of each, ten frames later; and of rollouts from the scenes' starts, at frames 60, 80 and 100. What training does to the
+first shows after a few thousand steps, long before whole rollouts tell it from chance (docs/experiments.md).
+"""
+
+from __future__ import annotations
+
+import argparse
+from itertools import islice
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from straying import chamfer
+from surfsup.model import weights
+from surfsup.model.learned_simulator import LearnedSimulator
+from surfsup.model.state import Surroundings
+from surfsup.trajectory import Trajectory
+
+BEGUN = range(40, 155, 6)  # from the first touches to the height of the splash
+LENGTH = 10
+ASKED = (60, 80, 100)
+
+
+def errors_of(path: Path, model: LearnedSimulator) -> tuple[float, list[float]]:
+    """Of one scene: the mean ten frames after a truth, and those of the rollout from its start."""
+    with Trajectory(path) as trajectory:
+        scene = trajectory.scene
+        truth, velocities = trajectory.window(0, BEGUN[-1] + LENGTH + 1)
+    surface = scene.build_surface()
+    around = Surroundings.of(scene, surface)
+    after = []
+    for first in BEGUN:
+        span = slice(first - model.past, first + 1)
+        state = model.state_after(torch.from_numpy(truth[span]), torch.from_numpy(velocities[span]))
+        for _ in range(LENGTH):
+            state, _ = model.step(state, around)
+        after.append(chamfer(state.positions.numpy(), truth[first + LENGTH]))
+    start = scene.start(surface)
+    state = model.start(torch.from_numpy(start.positions), torch.from_numpy(start.particle_velocities), around)
+    told = []
+    for frame in range(1, ASKED[-1] + 1):
+        state, _ = model.step(state, around)
+        if frame in ASKED:
+            told.append(chamfer(state.positions.numpy(), truth[frame]))
+    return float(np.mean(after)), told
+
+
+def main() -> None:
+    """Print a row a model."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("data", type=Path, nargs="?", default=Path("data/prim-shapes-validation"))
+    parser.add_argument("--scenes", type=int, default=10)
+    parser.add_argument("--model", nargs="+", default=[weights.DEFAULT_MODEL])
+    arguments = parser.parse_args()
+    torch.set_grad_enabled(False)
+    torch.set_num_threads(1)
+    print(f"{'Chamfer, m':<40}{'ten frames':>12}" + "".join(f"{'frame ' + str(frame):>12}" for frame in ASKED))
+    for name in arguments.model:
+        model, _ = weights.load(weights.find(name))
+        found = [errors_of(path, model) for path in islice(sorted(arguments.data.glob("*.h5")), arguments.scenes)]
+        rows = np.array([[after, *told] for after, told in found]).mean(axis=0)
+        print(f"{name:<40}" + "".join(f"{value:>12.4f}" for value in rows), flush=True)
+
+
+if __name__ == "__main__":
+    main()
