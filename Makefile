@@ -8,7 +8,7 @@ help:
 	@echo "make demo    water on a knot: a page and a video in out/demo"
 	@echo "make test    the linter and all tests"
 	@echo "make bench   the default model's speed beside the solver's, its growth, its pool at rest; half an hour, alone"
-	@echo "make weights train the shipped model anew: data by the solver, then one run; two hours"
+	@echo "make weights train the shipped model anew: data by the solver, then two runs; hours"
 	@echo "make surfaces fit the shipped neural surfaces anew: coral, chairs, bowls; half an hour, can be started again"
 	@echo "make design  the bowl, the funnel, the chair that holds water and the three balls, in out/design; half an hour"
 	@echo "make setup   only what these two need: .venv and the system libraries"
@@ -33,11 +33,11 @@ bench: setup
 
 # The default model: see src/surfsup/weights/fast.md. What is done is kept, so it can be started again.
 weights: setup
-	.venv/bin/surfsup generate prim-shapes -o data/train -n 29 --seed 1
-	.venv/bin/surfsup generate assorted -o data/assorted-train -n 24 --seed 11
-	.venv/bin/surfsup generate tanks -o data/tanks-train -n 8 --seed 21
-	.venv/bin/surfsup generate hills -o data/hills-train -n 8 --seed 31
-	.venv/bin/surfsup generate bowls -o data/bowls-train -n 8 --seed 36 --frames 400
+	.venv/bin/surfsup generate prim-shapes -o data/train -n 150 --seed 1
+	.venv/bin/surfsup generate assorted -o data/assorted-train -n 112 --seed 11
+	.venv/bin/surfsup generate tanks -o data/tanks-train -n 24 --seed 21
+	.venv/bin/surfsup generate hills -o data/hills-train -n 36 --seed 31
+	.venv/bin/surfsup generate bowls -o data/bowls-train -n 24 --seed 36 --frames 400
 	.venv/bin/surfsup generate prim-shapes -o data/validation -n 10 --seed 2
 	.venv/bin/surfsup train fast --data data/train --data data/assorted-train --data data/tanks-train \
 		--data data/hills-train --data data/bowls-train --validation data/validation -o runs/fast \

@@ -17,19 +17,20 @@ from dataclasses import dataclass
 from pathlib import Path
 from unittest.mock import patch
 
+import numpy as np
 import torch
 from torch import Tensor
 
 from surfsup.datasets import windows as windows_module
 from surfsup.datasets.windows import Windows
-from surfsup.model.convolution import CLOSE_WINDOW, MIXED
+from surfsup.model.convolution import CLOSE_DIRECTION, CLOSE_WINDOW, KERNELS
 from surfsup.model.network import ConvolutionNetwork
 from surfsup.training.config import load_config
 from surfsup.training.train import Run, train
 
-VELOCITIES, CLOSE_SUMS = slice(17, 41), slice(29, 45)  # columns of what acts on a particle
+VELOCITIES = slice(17, 41)  # columns of what acts on a particle
 SINGLE = "{until: 0.6, noise: 3.0e-4}"
-PUSHED = "until: 1, unseen: 6, noise: 3.0e-4, density: 5.0"
+PUSHED = "until: 1, unseen: 6, unroll: 2, noise: 3.0e-4, density: 5.0"
 PHASES = f"phases=[{SINGLE}, {{{PUSHED}}}]"
 
 Part = tuple[Tensor, object]  # a weight, and which of its elements
@@ -51,17 +52,15 @@ def density(network: ConvolutionNetwork) -> Iterator[Part]:
     yield network.factors[2].bias, slice(None)
 
 
-def directions(network: ConvolutionNetwork) -> Iterator[Part]:
-    """All kernels of every layer but the first, which is the window alone."""
-    for layer in network.layers:
-        width = layer.own.weight.shape[0]
-        yield layer.mix.weight, slice(width, MIXED * width)
+def kernels(which: list[int]) -> Callable[[ConvolutionNetwork], Iterator[Part]]:
+    """Some of the eight kernels of every layer."""
 
+    def of_layers(network: ConvolutionNetwork) -> Iterator[Part]:
+        for layer in network.layers:
+            width = layer.own.weight.shape[0]
+            yield layer.mix.weight, np.concatenate([np.arange(width) + kernel * width for kernel in which])
 
-def close_window(network: ConvolutionNetwork) -> Iterator[Part]:
-    """The sums of the close window among what acts and how neighbours lie; layers have none."""
-    yield network.encoder[0].weight, (slice(None), CLOSE_SUMS)
-    yield network.factors[0].weight, (slice(None), slice(CLOSE_WINDOW, None))
+    return of_layers
 
 
 @dataclass(frozen=True)
@@ -81,16 +80,18 @@ class Variant:
     turned: bool = True
 
 
+DIRECTIONS = [kernel for kernel in range(KERNELS) if kernel > CLOSE_WINDOW]
+CLOSE = [CLOSE_WINDOW, *range(KERNELS)[CLOSE_DIRECTION]]
 VARIANTS = {
     "as-it-is": Variant(),
     "another-seed": Variant(("seed=1",)),
     "adam": Variant(("optimizer=adam", "learning_rate=2e-3")),
     "adam-1e-2": Variant(("optimizer=adam",)),
-    "batch-2": Variant(("batch=2",)),
+    "batch-4": Variant(("batch=4",)),
     "no-velocities": Variant(left_out=velocities),
     "no-density-factors": Variant(left_out=density),
-    "no-directions": Variant(left_out=directions),
-    "no-close-window": Variant(left_out=close_window),
+    "no-directions": Variant(left_out=kernels(DIRECTIONS)),
+    "no-close-window": Variant(left_out=kernels(CLOSE)),
     "no-symmetry": Variant(turned=False),
     "15-scenes": Variant(scenes=15),
     "50-scenes": Variant(scenes=50),
@@ -104,8 +105,8 @@ VARIANTS = {
     "no-noise": Variant((PHASES.replace("3.0e-4", "0"),)),
     "noise-1e-3": Variant((PHASES.replace("3.0e-4", "1.0e-3"),)),
     "single-frames": Variant((f"phases=[{SINGLE.replace('0.6', '1')}]",)),
-    "loss-of-two": Variant((PHASES.replace("unseen: 6", "unseen: 6, unroll: 2"),)),
-    "loss-of-four": Variant((PHASES.replace("unseen: 6", "unseen: 6, unroll: 4"),)),
+    "loss-of-one": Variant((PHASES.replace("unroll: 2", "unroll: 1"),)),
+    "loss-of-four": Variant((PHASES.replace("unroll: 2", "unroll: 4"),)),
     "no-density-term": Variant((PHASES.replace("density: 5.0", "density: 0"),)),
 }
 

@@ -36,15 +36,9 @@ def test_kernels_vanish_at_the_radius_and_beyond(distance):
 def test_kernels_are_the_two_windows_alone_and_times_the_direction():
     kernels = two_particles([0, 0, RADIUS / 2]).kernels
     wide, close = 1 - 0.5, 1 - 0.5 / CLOSE
-    expected = [wide**2, 0, 0, wide, close**2, 0, 0, close]
+    expected = [wide**2, close**2, 0, 0, wide, 0, 0, close]
     torch.testing.assert_close(kernels[0], kernels.new_tensor(expected))
     torch.testing.assert_close(kernels[1], kernels.new_tensor(expected) * kernels.new_tensor(PARITY))
-
-
-def test_layers_mix_the_kernels_of_the_wide_window():
-    seen = two_particles([0, 0, RADIUS / 2])
-    torch.testing.assert_close(seen.mixed.kernels[0], seen.kernels.new_tensor([0.25, 0, 0, 0.5]))
-    assert seen.mixed.neighbourhood is seen.neighbourhood
 
 
 def test_an_edge_and_its_reverse_differ_by_the_parity_of_the_kernels():

@@ -1,3 +1,4 @@
+import math
 import types
 
 import pytest
@@ -194,7 +195,7 @@ def test_what_acts_and_how_neighbours_lie_are_the_documented_columns():
     assert (acts.shape, lie.shape) == ((1, ACTIONS), (1, SURROUNDINGS))
     near = 1 - 0.05 / 0.06
     expected = torch.zeros(ACTIONS)
-    expected[0:5] = torch.tensor([near / 0.25, 0, 0, near / 0.25, -3 * near / 0.3])
+    expected[0:5] = torch.tensor([near, 0, 0, near, -3 * near])
     torch.testing.assert_close(acts[0], expected, atol=1e-4, rtol=0)
     assert not lie.any()
 
@@ -209,8 +210,8 @@ def test_neighbours_are_felt_by_their_velocity_against_the_particle_s_own():
         return observe_features(state, positions, *around().distance_and_normal(positions), around(), seen)
 
     acts, lie = felt([0.0, 0.0, 0.0])
-    assert acts[0, 17] == pytest.approx(0.25 * 0.06 / 0.3, abs=1e-4)  # the wide window at half the radius, 0.06 m/s
-    assert acts[1, 17] == pytest.approx(-0.25 * 0.06 / 0.3, abs=1e-4)
+    assert acts[0, 17] == pytest.approx(math.asinh(0.25), abs=1e-4)  # the wide window at half the radius, 0.06 m/s
+    assert acts[1, 17] == pytest.approx(-math.asinh(0.25), abs=1e-4)
     assert lie[0, 0] == pytest.approx(0.25)
     torch.testing.assert_close(felt([5.0, -3.0, 2.0])[0], acts, atol=1e-4, rtol=0)
 

@@ -1,8 +1,7 @@
 """A continuous convolution over particles with fixed kernels, as one sparse matrix product.
 
 An edge carries eight fixed kernels: two windows of the distance, each alone and times the three components of
-the direction. All of them measure what acts on a particle; a layer is a learned mixture of the wide window's four, so
-its cost is that of one sparse product:
+the direction. A layer is a learned mixture of the eight, so its cost is that of one sparse product:
 
     out_i = sum_j sum_m k_m(x_j - x_i) (W_m h_j)
 """
@@ -20,11 +19,10 @@ from surfsup.model.native_convolution import FOUR, NativeConvolution, NativeKern
 from surfsup.model.neighbours import Neighbourhood, join_neighbourhoods
 
 KERNELS = 8
-# Each window comes alone, then times a direction. Windows are even in the displacement, windows times a direction odd.
-MIXED = 4  # the wide window's, which layers mix
-CLOSE_WINDOW, CLOSE_DIRECTION = 4, slice(5, 8)
+# Windows are even in the displacement, windows times a direction are odd.
+CLOSE_WINDOW, CLOSE_DIRECTION = 1, slice(5, 8)
 CLOSE = 0.7  # of the radius, where the close window ends
-PARITY = (1.0, -1.0, -1.0, -1.0, 1.0, -1.0, -1.0, -1.0)
+PARITY = (1.0, 1.0, -1.0, -1.0, -1.0, -1.0, -1.0, -1.0)
 
 
 @dataclass(frozen=True)
@@ -33,7 +31,7 @@ class Graph:
 
     Attributes:
         neighbourhood: N particles, E directed edges.
-        kernels: (E, K); K is KERNELS for what acts, MIXED for the layers.
+        kernels: (E, 8).
     """
 
     neighbourhood: Neighbourhood
@@ -44,38 +42,33 @@ class Graph:
         return len(self.neighbourhood.starts) - 1
 
     @cached_property
-    def mixed(self) -> Graph:
-        """The same edges with the kernels that layers mix."""
-        return Graph(self.neighbourhood, self.kernels[:, :MIXED])
-
-    @cached_property
     def gathering(self) -> Tensor:
-        """The sparse matrix (N, KN) from the messages of each particle and kernel to their sums."""
-        near, count, kernels = self.neighbourhood, len(self), self.kernels.shape[1]
-        columns = near.senders[:, None] * kernels + torch.arange(kernels, device=near.senders.device)
+        """The sparse matrix (N, 8N) from the messages of each particle and kernel to their sums."""
+        near, count = self.neighbourhood, len(self)
+        columns = near.senders[:, None] * KERNELS + torch.arange(KERNELS, device=near.senders.device)
         values = self.kernels.detach().flatten()
-        return sparse(near.starts * kernels, columns.flatten(), values, (count, count * kernels))
+        return sparse(near.starts * KERNELS, columns.flatten(), values, (count, count * KERNELS))
 
     @cached_property
     def spreading(self) -> Tensor:
-        """The transpose of :attr:`gathering`, (KN, N).
+        """The transpose of :attr:`gathering`, (8N, N).
 
         An edge and its reverse have the same kernels up to the sign of the odd ones, so the transpose has the
         rows (particle, kernel) over the same neighbours, and needs no sorting.
         """
-        near, count, kernels = self.neighbourhood, len(self), self.kernels.shape[1]
-        kernel = torch.arange(kernels, device=near.senders.device)
+        near, count = self.neighbourhood, len(self)
+        kernel = torch.arange(KERNELS, device=near.senders.device)
         degree = near.starts.diff()
-        rows = near.starts[:-1, None] * kernels + degree[:, None] * kernel
-        first = near.starts[:-1] * (kernels - 1)
+        rows = near.starts[:-1, None] * KERNELS + degree[:, None] * kernel
+        first = near.starts[:-1] * (KERNELS - 1)
         place = first.index_select(0, near.receivers) + torch.arange(len(near.senders), device=kernel.device)
         places = place[:, None] + degree.index_select(0, near.receivers)[:, None] * kernel
         values = torch.empty(places.numel(), dtype=self.kernels.dtype, device=kernel.device)
-        values[places] = self.kernels.detach() * parity(self.kernels)
+        values[places] = self.kernels.detach() * self.kernels.new_tensor(PARITY)
         columns = torch.empty_like(near.senders).new_empty(places.numel())
         columns[places] = near.senders[:, None].expand_as(places)
-        starts = torch.cat([rows.flatten(), near.starts[-1:] * kernels])
-        return sparse(starts, columns, values, (count * kernels, count))
+        starts = torch.cat([rows.flatten(), near.starts[-1:] * KERNELS])
+        return sparse(starts, columns, values, (count * KERNELS, count))
 
 
 def sparse(starts: Tensor, columns: Tensor, values: Tensor, size: tuple[int, int]) -> Tensor:
@@ -98,7 +91,7 @@ def graph(positions: Tensor, neighbours: Neighbourhood, radius: float) -> Graph:
     wide = (1 - distance).clamp(min=0)
     close = (1 - distance / CLOSE).clamp(min=0)
     direction = displacement / distance.clamp(min=1e-6)
-    return Graph(neighbours, torch.cat([wide**2, wide * direction, close**2, close * direction], dim=-1))
+    return Graph(neighbours, torch.cat([wide**2, close**2, wide * direction, close * direction], dim=-1))
 
 
 def join(graphs: list[Graph]) -> Graph:
@@ -114,15 +107,15 @@ def convolve(hidden: Tensor, mix: Tensor, own: Tensor, graph: Graph) -> Tensor:
 
     Args:
         hidden: (N, C), of which neighbours are told the first M.
-        mix: (4C, M), the learned matrix of each kernel.
+        mix: (8C, M), the learned matrix of each kernel.
         own: (C, C).
         graph: the neighbours.
     """
     if can_convolve(graph, hidden, mix):
         return NativeConvolution.apply(hidden, mix, own, graph)
     count, width = hidden.shape
-    sent = nn.functional.linear(hidden[:, : mix.shape[1]], mix).reshape(count, MIXED, width)
-    return Gather.apply(sent, graph.mixed.kernels, graph.mixed) + nn.functional.linear(hidden, own)
+    mixed = nn.functional.linear(hidden[:, : mix.shape[1]], mix).reshape(count, KERNELS, width)
+    return Gather.apply(mixed, graph.kernels, graph) + nn.functional.linear(hidden, own)
 
 
 def kernel_sums(values: Tensor, graph: Graph) -> Tensor:
@@ -137,7 +130,7 @@ class Gather(torch.autograd.Function):
 
     @staticmethod
     def forward(context: torch.autograd.function.FunctionCtx, mixed: Tensor, kernels: Tensor, graph: Graph) -> Tensor:
-        """(N, K, C) messages of each sender and kernel -> (N, C) sums of each receiver.
+        """(N, 8, C) messages of each sender and kernel -> (N, C) sums of each receiver.
 
         ``kernels`` are those of ``graph``, named apart so that their gradient is asked for.
         """
@@ -153,7 +146,7 @@ class Gather(torch.autograd.Function):
         graph = context.graph
         to_mixed = to_kernels = None
         if context.needs_input_grad[0]:
-            to_mixed = (graph.spreading @ gradient.contiguous()).unflatten(0, (len(graph), graph.kernels.shape[1]))
+            to_mixed = (graph.spreading @ gradient.contiguous()).unflatten(0, (len(graph), KERNELS))
         if context.needs_input_grad[1]:
             (mixed,) = context.saved_tensors
             # Each kernel's is the product of what was sent along its edge and what came back, at no other pairs: copies
@@ -161,7 +154,7 @@ class Gather(torch.autograd.Function):
             products = torch.sparse.sampled_addmm(
                 graph.gathering, gradient.contiguous(), mixed.flatten(0, 1).T, beta=0.0
             )
-            to_kernels = products.values().unflatten(0, (-1, graph.kernels.shape[1]))
+            to_kernels = products.values().unflatten(0, (-1, KERNELS))
         return to_mixed, to_kernels, None
 
 
@@ -173,7 +166,7 @@ class KernelSums(torch.autograd.Function):
         """(N, C) values of the senders -> (N, 8, C) sums of the receivers; ``kernels`` are those of ``graph``."""
         context.save_for_backward(values)
         context.graph = graph
-        return (graph.spreading @ values).unflatten(0, (len(graph), KERNELS)) * parity(graph.kernels)[:, None]
+        return (graph.spreading @ values).unflatten(0, (len(graph), KERNELS)) * parity(values)
 
     @staticmethod
     def backward(
@@ -183,7 +176,7 @@ class KernelSums(torch.autograd.Function):
         graph, near = context.graph, context.graph.neighbourhood
         to_values = to_kernels = None
         if context.needs_input_grad[0]:
-            to_values = graph.gathering @ (gradient * parity(graph.kernels)[:, None]).flatten(0, 1)
+            to_values = graph.gathering @ (gradient * parity(gradient)).flatten(0, 1)
         if context.needs_input_grad[1]:
             (values,) = context.saved_tensors
             sent = values.index_select(0, near.senders)
@@ -192,6 +185,6 @@ class KernelSums(torch.autograd.Function):
         return to_values, to_kernels, None
 
 
-def parity(kernels: Tensor) -> Tensor:
-    """The sign (K,) that each of the ``kernels`` (E, K) takes when an edge is turned around."""
-    return kernels.new_tensor(PARITY[: kernels.shape[1]])
+def parity(like: Tensor) -> Tensor:
+    """The sign (8, 1) that each kernel takes when an edge is turned around."""
+    return like.new_tensor(PARITY)[:, None]

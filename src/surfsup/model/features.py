@@ -6,18 +6,16 @@ import torch
 from torch import Tensor
 
 from surfsup.model.convolution import CLOSE_DIRECTION, CLOSE_WINDOW, KERNELS, Graph, kernel_sums
-from surfsup.model.state import State, Surroundings
+from surfsup.model.state import FRAME_TIME, State, Surroundings
 
 # Metres beyond which a solid is not felt: the support of the solver's kernel, four particle radii. Told of what is
 # farther off, the model pushed water in free fall along a wall aside, by millimetres until the impact (measured).
 REACH = 0.06
 DISPLACEMENT_SCALE = 3e-4  # metres: the spread of one frame's correction to ballistic motion (measured)
-# What the network is told is of like size, whatever it is, in the splash: it learns faster so (measured).
-VELOCITY_SCALE = 0.3  # m/s
-NEARNESS_SCALE, CROWDING_SCALE = 0.25, 0.05
+VELOCITY_SCALE = 1.0  # m/s
 # The largest kernel sums found in true water, of either sign. A model has learned nothing of what is beyond, and
 # factors made of such sums throw particles out of the water at hundreds of metres a second.
-THICKEST = (3.2, 2.5, 2.5, 2.5, 1.8, 1.5, 1.5, 1.5)
+THICKEST = (3.2, 1.8, 2.5, 2.5, 2.5, 1.5, 1.5, 1.5)
 CROWDED = 0.6  # sum of the close window above which neighbours are nearer than on the lattice, where it is 0.53
 
 ACTIONS = 45
@@ -53,15 +51,15 @@ def observe_features(
     sums = kernel_sums(torch.cat([state.velocities, ones], dim=-1), graph)
     density = sums[:, :, 3]
     against = sums[:, :, :3] - density[:, :, None] * state.velocities[:, None]
-    crowding = (density[:, CLOSE_WINDOW : CLOSE_WINDOW + 1] - CROWDED).clamp(min=0) / CROWDING_SCALE
+    crowding = (density[:, CLOSE_WINDOW : CLOSE_WINDOW + 1] - CROWDED).clamp(min=0)
     acts = torch.cat(
         [
-            near_solid / NEARNESS_SCALE,
-            near_solid / NEARNESS_SCALE * normal,
+            near_solid,
+            near_solid * normal,
             near_solid * from_solid / VELOCITY_SCALE,
-            walls / NEARNESS_SCALE,
+            walls,
             walls * from_walls / VELOCITY_SCALE,
-            against.flatten(1) / VELOCITY_SCALE,
+            soft_limit(against.flatten(1) * (FRAME_TIME / DISPLACEMENT_SCALE)),
             crowding,
             crowding * density[:, CLOSE_DIRECTION],
         ],
@@ -75,3 +73,7 @@ def nearness(distance: Tensor) -> Tensor:
     """1 at contact, 0 from ``REACH`` on, above 1 inside."""
     return (1 - distance / REACH).clamp(0, 2)
 
+
+def soft_limit(values: Tensor) -> Tensor:
+    """Small values as they are, large ones compressed: an impact is a hundred times a ripple."""
+    return torch.asinh(values)

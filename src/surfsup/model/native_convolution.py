@@ -37,12 +37,12 @@ def can_sum(graph: Graph, values: Tensor) -> bool:
 class NativeConvolution(torch.autograd.Function):
     """own h_i + sum_j sum_m k_m(i, j) mix_m h_j, of whose channels the first M count.
 
-    Nothing of N x 4 x M is kept: going back makes the sums anew.
+    Nothing of N x 8 x M is kept: going back makes the sums anew.
     """
 
     @staticmethod
     def forward(context: Any, hidden: Tensor, mix: Tensor, own: Tensor, graph: Graph) -> Tensor:
-        """Hidden (N, C), mix (4C, M), own (C, C) -> (N, C)."""
+        """Hidden (N, C), mix (8C, M), own (C, C) -> (N, C)."""
         hidden, mix, own = hidden.contiguous(), mix.contiguous(), own.contiguous()
         context.save_for_backward(hidden, mix, own)
         context.graph = graph

@@ -11,15 +11,7 @@ from torch import Tensor
 from surfsup import native
 from surfsup.model.convolution import CLOSE
 from surfsup.model.correction import LARGEST, POSITION_SHARE
-from surfsup.model.features import (
-    CROWDED,
-    CROWDING_SCALE,
-    DISPLACEMENT_SCALE,
-    NEARNESS_SCALE,
-    REACH,
-    THICKEST,
-    VELOCITY_SCALE,
-)
+from surfsup.model.features import CROWDED, DISPLACEMENT_SCALE, REACH, THICKEST, VELOCITY_SCALE
 from surfsup.model.guard import Look
 from surfsup.model.neighbours import blown_up, collapsed, most_edges
 from surfsup.model.network import ConvolutionNetwork
@@ -111,9 +103,7 @@ def native_network(simulator: Simulator) -> native.Network:
         reach=REACH,
         displacement_scale=DISPLACEMENT_SCALE,
         velocity_scale=VELOCITY_SCALE,
-        nearness_scale=NEARNESS_SCALE,
         crowded=CROWDED,
-        crowding_scale=CROWDING_SCALE,
         position_share=POSITION_SHARE,
         largest=LARGEST,
         thickest=THICKEST,

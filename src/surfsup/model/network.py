@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from torch import Tensor, nn
 
-from surfsup.model.convolution import MIXED, Graph, convolve
+from surfsup.model.convolution import KERNELS, Graph, convolve
 
 
 class Layer(nn.Module):
@@ -16,7 +16,7 @@ class Layer(nn.Module):
 
     def __init__(self, width: int, messages: int) -> None:
         super().__init__()
-        self.mix = nn.Linear(messages, MIXED * width, bias=False)
+        self.mix = nn.Linear(messages, KERNELS * width, bias=False)
         self.own = nn.Linear(width, width, bias=False)
         self.out = nn.Linear(width, width, bias=False)
 
@@ -29,7 +29,7 @@ class Layer(nn.Module):
 class ConvolutionNetwork(nn.Module):
     """Encoder, ``layers`` steps of message passing of ``width`` channels, decoder.
 
-    A particle's neighbours are told of its first ``messages`` channels only: what is told costs four times as much as
+    A particle's neighbours are told of its first ``messages`` channels only: what is told costs eight times as much as
     what is kept.
     """
 

@@ -62,7 +62,7 @@ def convolve(
 ) -> None:
     """Write own h_i + sum_j sum_m k_m(i, j) mix_m h_j to ``out`` (N, C).
 
-    Of h_j only as many channels count as ``mix`` (4C, M) has columns; C and M are multiples of 16.
+    Of h_j only as many channels count as ``mix`` (8C, M) has columns; C and M are multiples of 16.
 
     Raises:
         ValueError: sizes do not fit.
@@ -179,9 +179,7 @@ class Network:
         reach: float,
         displacement_scale: float,
         velocity_scale: float,
-        nearness_scale: float,
         crowded: float,
-        crowding_scale: float,
         position_share: float,
         largest: float,
         thickest: tuple[float, ...],

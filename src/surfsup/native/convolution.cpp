@@ -18,7 +18,7 @@ namespace {
 constexpr int32_t PORTION = 48;  // particles, a multiple of every path's rows
 constexpr int SLICES = 8;        // of the particles, whose sums are made apart and then added, always in this order
 constexpr float WIDER = 1.0001f; // a first look in single precision, before the exact one
-constexpr float PARITY[KERNELS] = {1, -1, -1, -1, 1, -1, -1, -1};
+constexpr float PARITY[KERNELS] = {1, 1, -1, -1, -1, -1, -1, -1};
 
 const Path& fastest() {
     static const Path& path = *paths().front();
@@ -26,19 +26,19 @@ const Path& fastest() {
 }
 
 std::vector<AlignedFloats> scratch_of(int threads, int width) {
-    const auto size = static_cast<size_t>(fastest().rows * (MIXED + 2) * width);
+    const auto size = static_cast<size_t>(fastest().rows * (KERNELS + 2) * width);
     return std::vector<AlignedFloats>(static_cast<size_t>(std::max(1, threads)), AlignedFloats(size));
 }
 
-int inputs_of(int kernel, Channels channels) { return kernel < MIXED ? channels.messages : channels.width; }
+int inputs_of(int kernel, Channels channels) { return kernel < KERNELS ? channels.messages : channels.width; }
 
 // Rows (inputs by kernel, then the own inputs) from matrices with a row an output.
 AlignedFloats inputs_first(Channels channels, const float* mix, const float* own) {
     const int width = channels.width, messages = channels.messages;
-    AlignedFloats weights(static_cast<size_t>((MIXED * messages + width) * width));
+    AlignedFloats weights(static_cast<size_t>((KERNELS * messages + width) * width));
     float* to = weights.data();
-    for (int m = 0; m <= MIXED; ++m) {
-        const float* matrix = m < MIXED ? mix + m * width * messages : own;
+    for (int m = 0; m <= KERNELS; ++m) {
+        const float* matrix = m < KERNELS ? mix + m * width * messages : own;
         const int inputs = inputs_of(m, channels);
         for (int input = 0; input < inputs; ++input, to += width)
             for (int output = 0; output < width; ++output) to[output] = matrix[output * inputs + input];
@@ -49,9 +49,9 @@ AlignedFloats inputs_first(Channels channels, const float* mix, const float* own
 // The same with a row an output, for gradients; of what neighbours are not told of it is zero.
 AlignedFloats outputs_first(Channels channels, const float* mix, const float* own) {
     const int width = channels.width, messages = channels.messages;
-    AlignedFloats weights(static_cast<size_t>((MIXED + 1) * width * width), 0.0f);
-    for (int row = 0; row < MIXED * width; ++row) std::copy_n(mix + row * messages, messages, weights.data() + row * width);
-    std::copy_n(own, width * width, weights.data() + MIXED * width * width);
+    AlignedFloats weights(static_cast<size_t>((KERNELS + 1) * width * width), 0.0f);
+    for (int row = 0; row < KERNELS * width; ++row) std::copy_n(mix + row * messages, messages, weights.data() + row * width);
+    std::copy_n(own, width * width, weights.data() + KERNELS * width * width);
     return weights;
 }
 
@@ -78,7 +78,7 @@ void convolve_back(const Sparse& edges, Channels channels, const float* hidden, 
                                     scratch[static_cast<size_t>(thread)].data());
         });
     }
-    const auto size = static_cast<size_t>((MIXED * messages + width) * width);
+    const auto size = static_cast<size_t>((KERNELS * messages + width) * width);
     std::vector<AlignedFloats> slices(SLICES, AlignedFloats(size, 0.0f));
     in_parallel(threads, SLICES, 1, [&](int thread, int32_t slice, int32_t) {
         const auto begin = static_cast<int32_t>(static_cast<int64_t>(edges.count) * slice / SLICES);
@@ -89,8 +89,8 @@ void convolve_back(const Sparse& edges, Channels channels, const float* hidden, 
     for (int slice = 1; slice < SLICES; ++slice)
         for (size_t k = 0; k < size; ++k) slices[0][k] += slices[static_cast<size_t>(slice)][k];
     const float* from = slices[0].data();
-    for (int m = 0; m <= MIXED; ++m) {
-        float* to = m < MIXED ? to_mix + m * width * messages : to_own;
+    for (int m = 0; m <= KERNELS; ++m) {
+        float* to = m < KERNELS ? to_mix + m * width * messages : to_own;
         const int inputs = inputs_of(m, channels);
         for (int input = 0; input < inputs; ++input, from += width)
             for (int output = 0; output < width; ++output) to[output * inputs + input] = from[output];

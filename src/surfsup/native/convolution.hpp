@@ -8,8 +8,8 @@
 
 namespace surfsup {
 
-// out_i = own h_i + sum_j sum_m k_m(i, j) mix_m h_j over the first MIXED kernels, where of h_j only the first `messages` channels count; both numbers
-// of channels are multiples of CHANNELS. `mix` is (4 width, messages), `own` (width, width), a row an output, as torch
+// out_i = own h_i + sum_j sum_m k_m(i, j) mix_m h_j, where of h_j only the first `messages` channels count; both numbers
+// of channels are multiples of CHANNELS. `mix` is (8 width, messages), `own` (width, width), a row an output, as torch
 // keeps them.
 constexpr int CHANNELS = 16;
 

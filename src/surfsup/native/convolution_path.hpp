@@ -9,13 +9,13 @@ namespace {
 using surfsup::Channels;
 using surfsup::Sparse;
 
-// Sums over the neighbours of particle i of VECTORS vectors of channels, for every mixed kernel apart; values and sums lie
-// so many floats apart from one particle, and one kernel, to the next.
+// Sums over the neighbours of particle i of VECTORS vectors of channels, for every kernel apart; values and sums lie so
+// many floats apart from one particle, and one kernel, to the next.
 template <int VECTORS>
 inline void gather_edges(const Sparse& edges, int32_t i, const float* values, int values_row, bool back, float* to, int to_row) {
-    Floats sums[MIXED][VECTORS];
-#pragma GCC unroll 4
-    for (int m = 0; m < MIXED; ++m)
+    Floats sums[KERNELS][VECTORS];
+#pragma GCC unroll 8
+    for (int m = 0; m < KERNELS; ++m)
 #pragma GCC unroll 2
         for (int v = 0; v < VECTORS; ++v) sums[m][v] = Floats{};
     for (int64_t e = edges.starts[i]; e < edges.starts[i + 1]; ++e) {
@@ -23,20 +23,20 @@ inline void gather_edges(const Sparse& edges, int32_t i, const float* values, in
         Floats sent[VECTORS];
 #pragma GCC unroll 2
         for (int v = 0; v < VECTORS; ++v) sent[v] = load(from + v * LANES);
-#pragma GCC unroll 4
-        for (int m = 0; m < MIXED; ++m) {
+#pragma GCC unroll 8
+        for (int m = 0; m < KERNELS; ++m) {
             const Floats weight = splat(kernel[m]);
 #pragma GCC unroll 2
             for (int v = 0; v < VECTORS; ++v) sums[m][v] += weight * sent[v];
         }
     }
-#pragma GCC unroll 4
-    for (int m = 0; m < MIXED; ++m)
+#pragma GCC unroll 8
+    for (int m = 0; m < KERNELS; ++m)
 #pragma GCC unroll 2
-        for (int v = 0; v < VECTORS; ++v) store(to + m * to_row + v * LANES, back && m > 0 ? -sums[m][v] : sums[m][v]);
+        for (int v = 0; v < VECTORS; ++v) store(to + m * to_row + v * LANES, back && m > 1 ? -sums[m][v] : sums[m][v]);
 }
 
-// The four sums of a particle over the first `messages` of its neighbours' channels, and behind them all of its own.
+// The eight sums of a particle over the first `messages` of its neighbours' channels, and behind them all of its own.
 inline void gather_row(const Sparse& edges, int32_t i, Channels channels, const float* values, bool back, float* to) {
     const int width = channels.width, messages = channels.messages;
     int column = 0;
@@ -44,12 +44,12 @@ inline void gather_row(const Sparse& edges, int32_t i, Channels channels, const 
         gather_edges<GATHERED>(edges, i, values + column, width, back, to + column, messages);
     for (; column < messages; column += LANES)
         gather_edges<1>(edges, i, values + column, width, back, to + column, messages);
-    std::memcpy(to + MIXED * messages, values + static_cast<int64_t>(i) * width, 4 * static_cast<size_t>(width));
+    std::memcpy(to + KERNELS * messages, values + static_cast<int64_t>(i) * width, 4 * static_cast<size_t>(width));
 }
 
 void convolve(const Sparse& edges, Channels channels, const float* values, const float* weights, float* out,
               int32_t begin, int32_t end, float* sums) {
-    const int width = channels.width, depth = MIXED * channels.messages + width;
+    const int width = channels.width, depth = KERNELS * channels.messages + width;
     for (int32_t block = begin; block < end; block += ROWS) {
         const int here = end - block < ROWS ? end - block : ROWS;
         for (int row = 0; row < here; ++row) gather_row(edges, block + row, channels, values, false, sums + row * depth);
@@ -62,7 +62,7 @@ void convolve(const Sparse& edges, Channels channels, const float* values, const
 void convolve_back(const Sparse& edges, Channels channels, const float* gradient, const float* weights, float* to_values,
                    int32_t begin, int32_t end, float* sums) {
     const int width = channels.width, messages = channels.messages;
-    const int depth = (MIXED + 1) * width;
+    const int depth = (KERNELS + 1) * width;
     for (int32_t block = begin; block < end; block += ROWS) {
         const int here = end - block < ROWS ? end - block : ROWS;
         for (int row = 0; row < here; ++row) gather_row(edges, block + row, {width, width}, gradient, true, sums + row * depth);
@@ -71,7 +71,7 @@ void convolve_back(const Sparse& edges, Channels channels, const float* gradient
         };
         product(sums, depth, depth, weights, width, messages, write);
         // What no neighbour was told of comes back from the particle itself alone.
-        product(sums + MIXED * width, depth, width, weights + MIXED * width * width + messages, width, width - messages,
+        product(sums + KERNELS * width, depth, width, weights + KERNELS * width * width + messages, width, width - messages,
                 [&](int row, int column, Floats sum) { write(row, messages + column, sum); });
     }
 }
@@ -101,7 +101,7 @@ inline void add_outer(const float* a, int64_t depth, const float* b, int64_t b_r
 
 void weigh(const Sparse& edges, Channels channels, const float* values, const float* gradient, float* to, int32_t begin,
            int32_t end, float* sums) {
-    const int width = channels.width, depth = MIXED * channels.messages + width;
+    const int width = channels.width, depth = KERNELS * channels.messages + width;
     float* wanted = sums + ROWS * depth;
     for (int32_t block = begin; block < end; block += ROWS) {
         const int here = end - block < ROWS ? end - block : ROWS;

@@ -9,8 +9,11 @@
 namespace surfsup {
 
 constexpr int KERNELS = 8;
-constexpr int MIXED = 4;     // the first of them, of the wide window, which layers mix; the others are of the close one
+constexpr int WIDE_KERNELS[4] = {0, 2, 3, 4};   // of the wide window, which all neighbours feel
+constexpr int CLOSE_KERNELS[4] = {1, 5, 6, 7};  // of the close one
 constexpr int ACTIONS = 45;                                       // what acts on a particle, see features.py
+constexpr int LIMITED = 24, LIMITED_ROOM = 32;  // of them through a soft limit; they come first in a row
+constexpr int ROW = 53;                         // room for a row of what acts
 constexpr int OUTPUTS = 6, OUTPUT_ROOM = 16;
 
 // Numbers of the model that are defined in Python; lengths in metres, times in seconds.
@@ -18,9 +21,8 @@ struct Constants {
     float radius, close;         // reach of a kernel; share of it that the close window reaches
     float frame_time;            // of a step
     float reach;                 // beyond which a solid is not felt
-    float displacement_scale, velocity_scale, nearness_scale;
+    float displacement_scale, velocity_scale;
     float crowded;               // sum of the close window above which neighbours are too near
-    float crowding_scale;
     float position_share;        // of a velocity correction that shows in the displacement
     float largest;           // largest velocity correction, in displacement_scale
     std::array<float, KERNELS> thickest;  // largest kernel sums that the factors are told of
@@ -30,18 +32,18 @@ struct Constants {
 // what is beyond the network's own is zero. Neighbours are told of the first `messages` channels.
 struct Weights {
     int width, messages, layers;
-    const float *encode_in, *encode_out;            // (ACTIONS, width), (width, width)
+    const float *encode_in, *encode_out;            // (ROW, width), (width, width)
     const float *factor_in, *factor_in_bias;        // (8, width), (width)
     const float *factor_out, *factor_out_bias;      // (width, 2 width), (2 width)
-    const float *mix, *out;                         // of each layer (4 messages + width, width), (width, width)
+    const float *mix, *out;                         // of each layer (8 messages + width, width), (width, width)
     const float *decode_in, *decode_out;            // (width, width), (width, OUTPUT_ROOM)
 };
 
-// The neighbours of a particle and the kernels that layers mix, kernel by kernel.
+// The neighbours of a particle, near ones first. Kernels lie kernel by kernel: four of all, then four of the near ones.
 struct Edges {
     const float* kernels;
     const int32_t* senders;
-    int32_t count;
+    int32_t near, all;
 };
 
 // Particles sorted by cell. Cells are counted modulo the grid's size, so that any extent fits: what falls into the
@@ -89,13 +91,13 @@ struct Path {
     // A layer; behind the last one the decoder and the new positions and velocities.
     void (*layer)(const Frame&, int number, int32_t begin, int32_t end, float* scratch);
     // Of a convolution, for particles begin to end: the sums over neighbours of the first channels of `values`, and
-    // the own values, mixed by `weights` (4 messages + width, width).
+    // the own values, mixed by `weights` (8 messages + width, width).
     void (*convolve)(const Sparse&, Channels, const float* values, const float* weights, float* out, int32_t begin,
                      int32_t end, float* scratch);
-    // The gradient in the values from that in `out`, by `weights` (5 width, width); each edge is taken the other way.
+    // The gradient in the values from that in `out`, by `weights` (9 width, width); each edge is taken the other way.
     void (*convolve_back)(const Sparse&, Channels, const float* gradient, const float* weights, float* to_values,
                           int32_t begin, int32_t end, float* scratch);
-    // Adds to `to` (4 messages + width, width) the gradient in the weights.
+    // Adds to `to` (8 messages + width, width) the gradient in the weights.
     void (*weigh)(const Sparse&, Channels, const float* values, const float* gradient, float* to, int32_t begin,
                   int32_t end, float* scratch);
     // The places of sorted particles that are within the radius of the sorted particle i, in any order; how many, -1

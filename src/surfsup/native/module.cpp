@@ -72,8 +72,8 @@ struct HeldNetwork {
 
 void make(HeldNetwork* network, std::tuple<Weight, Weight> encoder, std::tuple<Weight, Bias, Weight, Bias> factors,
           const std::vector<std::tuple<Weight, Weight, Weight>>& layers, std::tuple<Weight, Weight> decoder, float radius,
-          float close, float frame_time, float reach, float displacement_scale, float velocity_scale, float nearness_scale,
-          float crowded, float crowding_scale, float position_share, float largest, const std::array<float, surfsup::KERNELS>& thickest) {
+          float close, float frame_time, float reach, float displacement_scale, float velocity_scale,
+          float crowded, float position_share, float largest, const std::array<float, surfsup::KERNELS>& thickest) {
     const auto& [factor_in, factor_in_bias, factor_out, factor_out_bias] = factors;
     expect(factor_in_bias.shape(0), factor_in.shape(0), "a bias of the factors");
     expect(factor_out_bias.shape(0), factor_out.shape(0), "a bias of the factors");
@@ -88,8 +88,8 @@ void make(HeldNetwork* network, std::tuple<Weight, Weight> encoder, std::tuple<W
     new (network) HeldNetwork{
         std::move(weights),
         {factor_in_bias, factor_out_bias},
-        {{radius, close, frame_time, reach, displacement_scale, velocity_scale, nearness_scale, crowded,
-          crowding_scale, position_share, largest, thickest},
+        {{radius, close, frame_time, reach, displacement_scale, velocity_scale, crowded, position_share,
+          largest, thickest},
          matrix(encode_in), matrix(encode_out), matrix(factor_in), factor_in_bias.data(), matrix(factor_out),
          factor_out_bias.data(), all, matrix(decode_in), matrix(decode_out)}};
 }
@@ -131,7 +131,7 @@ surfsup::Sparse sparse(const Starts& starts, const Indices& senders, const Kerne
 surfsup::Channels channels_of(const Weight& mix, const Weight& own, const Weight& hidden, const surfsup::Sparse& edges) {
     const size_t width = own.shape(0), messages = mix.shape(1);
     if (width == 0 || width % surfsup::CHANNELS || messages == 0 || messages % surfsup::CHANNELS || messages > width ||
-        own.shape(1) != width || mix.shape(0) != surfsup::MIXED * width || hidden.shape(1) != width)
+        own.shape(1) != width || mix.shape(0) != surfsup::KERNELS * width || hidden.shape(1) != width)
         throw std::invalid_argument("the native convolution is for multiples of 16 channels that fit each other");
     expect(hidden.shape(0), static_cast<size_t>(edges.count), "hidden");
     return {static_cast<int>(width), static_cast<int>(messages)};
@@ -307,8 +307,8 @@ NB_MODULE(_native, module) {
         .def("look", look, array("points"), array("distance"), array("normal"), "threads"_a);
     nb::class_<HeldNetwork>(module, "Network")
         .def("__init__", make, nb::kw_only(), array("encoder"), array("factors"), array("layers"), array("decoder"),
-             "radius"_a, "close"_a, "frame_time"_a, "reach"_a, "displacement_scale"_a, "velocity_scale"_a, "nearness_scale"_a,
-             "crowded"_a, "crowding_scale"_a, "position_share"_a, "largest"_a, "thickest"_a)
+             "radius"_a, "close"_a, "frame_time"_a, "reach"_a, "displacement_scale"_a, "velocity_scale"_a,
+             "crowded"_a, "position_share"_a, "largest"_a, "thickest"_a)
         .def("step", step, array("velocities"),
              array("ahead"), array("distance"), array("normal"), array("gravity"), array("lower"), array("upper"),
              array("new_positions"), array("new_velocities"), "path"_a, "threads"_a, "most_edges"_a);

@@ -12,6 +12,17 @@ namespace {
 
 constexpr int MULTIPLE = 16;  // of channels: the widest path's lanes
 
+// Which column of features.py a place in a row of what acts holds: first what goes through the soft limit.
+std::vector<int> columns() {
+    std::vector<int> from(ROW, -1);
+    int place = 0;
+    for (int column = 17; column < 41; ++column) from[place++] = column;  // velocities against the own
+    place = LIMITED_ROOM;
+    for (int column = 0; column < 17; ++column) from[place++] = column;        // solid and walls
+    for (int column = 41; column < ACTIONS; ++column) from[place++] = column;  // crowding
+    return from;
+}
+
 // (outputs, inputs) -> rows of `to`: an input a row, `to_width` wide, at column `first`.
 void transpose(const Matrix& matrix, float* to, int64_t to_width, int64_t first = 0) {
     for (int64_t input = 0; input < matrix.inputs; ++input)
@@ -52,7 +63,7 @@ Network::Network(const Constants& constants, Matrix encode_in, Matrix encode_out
     const int64_t told = layers.front().mix.inputs;
     if (told < 1 || told > own) throw std::invalid_argument("neighbours are told of one channel at least, of all at most");
     for (const Layer& layer : layers) {
-        expect(layer.mix, MIXED * own, told, "mix");
+        expect(layer.mix, KERNELS * own, told, "mix");
         expect(layer.own, own, own, "own");
         expect(layer.out, own, own, "out");
     }
@@ -63,8 +74,12 @@ Network::Network(const Constants& constants, Matrix encode_in, Matrix encode_out
 
 void Network::read_weights() {
     const int64_t own = given_encode_in_.outputs, width = width_;
-    encode_in_.assign(static_cast<size_t>(ACTIONS * width), 0.0f);
-    transpose(given_encode_in_, encode_in_.data(), width);
+    encode_in_.assign(static_cast<size_t>(ROW * width), 0.0f);
+    const std::vector<int> from = columns();
+    for (int64_t place = 0; place < ROW; ++place)
+        for (int64_t output = 0; output < own && from[place] >= 0; ++output)
+            encode_in_[static_cast<size_t>(place * width + output)] =
+                given_encode_in_.values[output * ACTIONS + from[place]];
     const auto square = [&](AlignedFloats& to, const Matrix& matrix) {
         to.assign(static_cast<size_t>(width * width), 0.0f);
         transpose(matrix, to.data(), width);
@@ -83,15 +98,15 @@ void Network::read_weights() {
         transpose(matrix, factor_out_.data(), 2 * width, half * width);
         std::copy_n(given_factor_out_bias_ + half * own, own, factor_out_bias_.begin() + half * width);
     }
-    const int64_t told = given_layers_.front().mix.inputs, messages = messages_, depth = MIXED * messages + width;
+    const int64_t told = given_layers_.front().mix.inputs, messages = messages_, depth = KERNELS * messages + width;
     mix_.assign(static_cast<size_t>(layers_ * depth * width), 0.0f);
     out_.assign(static_cast<size_t>(layers_ * width * width), 0.0f);
     for (int64_t number = 0; number < layers_; ++number) {
         const Layer& layer = given_layers_[static_cast<size_t>(number)];
         float* mix = mix_.data() + number * depth * width;
-        for (int64_t m = 0; m < MIXED; ++m)
+        for (int64_t m = 0; m < KERNELS; ++m)
             transpose({layer.mix.values + m * own * told, own, told}, mix + m * messages * width, width);
-        transpose(layer.own, mix + MIXED * messages * width, width);
+        transpose(layer.own, mix + KERNELS * messages * width, width);
         transpose(layer.out, out_.data() + number * width * width, width);
     }
     decode_out_.assign(static_cast<size_t>(width * OUTPUT_ROOM), 0.0f);

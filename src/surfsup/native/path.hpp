@@ -60,48 +60,100 @@ inline void product(const float* a, int64_t a_row, int depth, const float* w, in
     product(a, a_row, depth, w, columns, columns, use);
 }
 
-constexpr int GATHERED = 2;  // vectors of channels that are summed together: a kernel is spread over a vector once for both
+// Sums over neighbours of VECTORS vectors of what they tell, for every kernel apart, `row` floats from one neighbour, and
+// from one kernel, to the next.
+#if defined(__AVX512F__)
+constexpr int GATHERED = 2;  // vectors: eight sums of each fit the 32 registers
 
-// Sums over neighbours of VECTORS vectors of what they tell, for every mixed kernel apart, `row` floats from one neighbour,
-// and from one kernel, to the next.
 template <int VECTORS>
 inline void gather(const Edges& edges, const float* told, int row, float* to) {
-    // Some neighbours at a time, each to sums of its own: four sums alone would wait for each other's additions.
-    Floats sums[AT_ONCE][MIXED][VECTORS];
+    Floats sums[KERNELS][VECTORS];
+#pragma GCC unroll 8
+    for (int m = 0; m < KERNELS; ++m)
 #pragma GCC unroll 2
-    for (int s = 0; s < AT_ONCE; ++s)
-#pragma GCC unroll 4
-        for (int m = 0; m < MIXED; ++m)
-#pragma GCC unroll 2
-            for (int v = 0; v < VECTORS; ++v) sums[s][m][v] = Floats{};
-    const int64_t count = edges.count;
-    const auto add = [&](int64_t e, Floats(&to_these)[MIXED][VECTORS]) {
+        for (int v = 0; v < VECTORS; ++v) sums[m][v] = Floats{};
+    const int64_t near = edges.near, all = edges.all;
+    const float *wide = edges.kernels, *close = wide + 4 * all;
+    for (int64_t e = 0; e < near; ++e) {
         const float* from = told + static_cast<int64_t>(edges.senders[e]) * row;
         Floats values[VECTORS];
 #pragma GCC unroll 2
         for (int v = 0; v < VECTORS; ++v) values[v] = load(from + v * LANES);
 #pragma GCC unroll 4
-        for (int m = 0; m < MIXED; ++m) {
-            const Floats weight = splat(edges.kernels[m * count + e]);
+        for (int m = 0; m < 4; ++m) {
+            const Floats of_wide = splat(wide[m * all + e]), of_close = splat(close[m * near + e]);
 #pragma GCC unroll 2
-            for (int v = 0; v < VECTORS; ++v) to_these[m][v] += weight * values[v];
+            for (int v = 0; v < VECTORS; ++v) {
+                sums[WIDE_KERNELS[m]][v] += of_wide * values[v];
+                sums[CLOSE_KERNELS[m]][v] += of_close * values[v];
+            }
         }
-    };
-    int64_t e = 0;
-    for (; e + AT_ONCE <= count; e += AT_ONCE)
-#pragma GCC unroll 2
-        for (int s = 0; s < AT_ONCE; ++s) add(e + s, sums[s]);
-    if (e < count) add(e, sums[0]);
+    }
+    // Two at a time, each to sums of its own: four sums alone would wait for each other's additions.
+    Floats others[4][VECTORS];
 #pragma GCC unroll 4
-    for (int m = 0; m < MIXED; ++m)
+    for (int m = 0; m < 4; ++m)
+#pragma GCC unroll 2
+        for (int v = 0; v < VECTORS; ++v) others[m][v] = Floats{};
+    const auto add = [&](int64_t e, auto&& sum_of) {
+        const float* from = told + static_cast<int64_t>(edges.senders[e]) * row;
 #pragma GCC unroll 2
         for (int v = 0; v < VECTORS; ++v) {
-            Floats sum = sums[0][m][v];
-#pragma GCC unroll 2
-            for (int s = 1; s < AT_ONCE; ++s) sum += sums[s][m][v];
-            store(to + m * row + v * LANES, sum);
+            const Floats value = load(from + v * LANES);
+#pragma GCC unroll 4
+            for (int m = 0; m < 4; ++m) sum_of(m)[v] += splat(wide[m * all + e]) * value;
         }
+    };
+    int64_t e = near;
+    for (; e + 2 <= all; e += 2) {
+        add(e, [&](int m) -> Floats(&)[VECTORS] { return sums[WIDE_KERNELS[m]]; });
+        add(e + 1, [&](int m) -> Floats(&)[VECTORS] { return others[m]; });
+    }
+    if (e < all) add(e, [&](int m) -> Floats(&)[VECTORS] { return others[m]; });
+#pragma GCC unroll 4
+    for (int m = 0; m < 4; ++m)
+#pragma GCC unroll 2
+        for (int v = 0; v < VECTORS; ++v) sums[WIDE_KERNELS[m]][v] += others[m][v];
+#pragma GCC unroll 8
+    for (int m = 0; m < KERNELS; ++m)
+#pragma GCC unroll 2
+        for (int v = 0; v < VECTORS; ++v) store(to + m * row + v * LANES, sums[m][v]);
 }
+#else
+constexpr int GATHERED = 2;  // vectors: four sums of each fit the 16 registers, so the two windows take turns
+
+template <int VECTORS>
+inline void gather_window(const float* kernels, const int (&which)[4], const int32_t* senders, int64_t count,
+                          const float* told, int row, float* to) {
+    Floats sums[4][VECTORS];
+#pragma GCC unroll 4
+    for (int m = 0; m < 4; ++m)
+#pragma GCC unroll 2
+        for (int v = 0; v < VECTORS; ++v) sums[m][v] = Floats{};
+    for (int64_t e = 0; e < count; ++e) {
+        const float* from = told + static_cast<int64_t>(senders[e]) * row;
+        Floats values[VECTORS];
+#pragma GCC unroll 2
+        for (int v = 0; v < VECTORS; ++v) values[v] = load(from + v * LANES);
+#pragma GCC unroll 4
+        for (int m = 0; m < 4; ++m) {
+            const Floats weight = splat(kernels[m * count + e]);
+#pragma GCC unroll 2
+            for (int v = 0; v < VECTORS; ++v) sums[m][v] += weight * values[v];
+        }
+    }
+#pragma GCC unroll 4
+    for (int m = 0; m < 4; ++m)
+#pragma GCC unroll 2
+        for (int v = 0; v < VECTORS; ++v) store(to + which[m] * row + v * LANES, sums[m][v]);
+}
+
+template <int VECTORS>
+inline void gather(const Edges& edges, const float* told, int row, float* to) {
+    gather_window<VECTORS>(edges.kernels, WIDE_KERNELS, edges.senders, edges.all, told, row, to);
+    gather_window<VECTORS>(edges.kernels + 4 * edges.all, CLOSE_KERNELS, edges.senders, edges.near, told, row, to);
+}
+#endif
 
 inline int32_t wrapped(int32_t cell, int32_t size) { return cell < 0 ? cell + size : cell >= size ? cell - size : cell; }
 
@@ -233,26 +285,34 @@ inline void sort_edges(const Frame& frame, int row, Search& search) {
     }
 }
 
-// The neighbours of a sorted particle, which is a row of the search, and their kernels: those of the wide window are kept,
-// those of the close one take the place of what was found, which is in order now.
-inline bool keep_edges(const Frame& frame, int32_t i, int row, Search& search, Arena& arena) {
+// The neighbours of a sorted particle, which is a row of the search, and their kernels.
+inline bool keep_edges(const Frame& frame, int32_t i, int row, const Search& search, Arena& arena) {
     const Places& sorted = search.sorted[row];
-    const int64_t edges = search.found[row];
-    auto* memory = static_cast<float*>(take(arena, 4 * ((MIXED + 1) * edges + LANES)));
+    const int64_t edges = search.found[row], nears = search.near[row];
+    const int64_t floats = 4 * (edges + nears);
+    auto* memory = static_cast<float*>(take(arena, 4 * (floats + edges + LANES)));
     if (!memory) return false;
-    auto* senders = reinterpret_cast<int32_t*>(memory + MIXED * edges);
+    auto* senders = reinterpret_cast<int32_t*>(memory + floats);
     kernels_of(frame, sorted, edges, 1.0f, memory);
+    kernels_of(frame, sorted, nears, frame.constants.close, memory + 4 * edges);
     std::memcpy(senders, sorted.index, 4 * static_cast<size_t>(edges));
-    kernels_of(frame, sorted, search.near[row], frame.constants.close, search.within[row].x);
-    frame.edges[i] = {memory, senders, static_cast<int32_t>(edges)};
+    frame.edges[i] = {memory, senders, static_cast<int32_t>(nears), static_cast<int32_t>(edges)};
     return true;
 }
 
-// Adds to the four sums of a window over `count` neighbours of (velocity, 1).
-inline void sum_velocities(const Frame& frame, const int32_t* senders, const float* kernels, int64_t count, FourFloats* sums) {
-    for (int64_t e = 0; e < count; ++e) {
-        const FourFloats value = load_four(frame.velocity + 4 * static_cast<int64_t>(senders[e]));
-        for (int m = 0; m < 4; ++m) sums[m] += kernels[m * count + e] * value;
+// For every kernel the sum over neighbours of (velocity, 1).
+inline void sum_velocities(const Frame& frame, const Edges& edges, FourFloats (&sums)[KERNELS]) {
+    for (auto& sum : sums) sum = FourFloats{};
+    const int64_t near = edges.near, all = edges.all;
+    const float *wide = edges.kernels, *close = wide + 4 * all;
+    const auto velocity = [&](int64_t e) { return load_four(frame.velocity + 4 * static_cast<int64_t>(edges.senders[e])); };
+    for (int64_t e = 0; e < all; ++e) {
+        const FourFloats value = velocity(e);
+        for (int m = 0; m < 4; ++m) sums[WIDE_KERNELS[m]] += wide[m * all + e] * value;
+    }
+    for (int64_t e = 0; e < near; ++e) {
+        const FourFloats value = velocity(e);
+        for (int m = 0; m < 4; ++m) sums[CLOSE_KERNELS[m]] += close[m * near + e] * value;
     }
 }
 
@@ -262,38 +322,38 @@ inline float nearness(const Frame& frame, float distance) {
     return value < 0.0f ? 0.0f : value > 2.0f ? 2.0f : value;
 }
 
-// What acts on a sorted particle (ACTIONS), which is a row of the search, and how its neighbours lie (8), as in features.py.
-inline void observe(const Frame& frame, int32_t i, int row, const Search& search, float* acts, float* lie) {
+// What acts on a sorted particle (ROW), its soft limit still to be taken, and how its neighbours lie (8); the order is that of `columns` in network.hpp.
+inline void observe(const Frame& frame, int32_t i, float* acts, float* lie) {
     const Constants& c = frame.constants;
     const int64_t caller = frame.order[i];
     const float *velocity = frame.velocities + 3 * caller, *ahead = frame.ahead + 3 * caller;
     const float* normal = frame.normal + 3 * caller;
-    const Edges& edges = frame.edges[i];
-    FourFloats sums[KERNELS] = {};
-    sum_velocities(frame, edges.senders, edges.kernels, edges.count, sums);
-    sum_velocities(frame, edges.senders, search.within[row].x, search.near[row], sums + MIXED);
+    FourFloats sums[KERNELS];
+    sum_velocities(frame, frame.edges[i], sums);
+    for (int m = 0; m < KERNELS; ++m) {
+        lie[m] = sums[m][3];
+        for (int axis = 0; axis < 3; ++axis)
+            acts[3 * m + axis] = (sums[m][axis] - lie[m] * velocity[axis]) * (c.frame_time / c.displacement_scale);
+    }
+    for (int column = LIMITED; column < LIMITED_ROOM; ++column) acts[column] = 0.0f;
 
-    const float to_velocity = 1.0f / c.velocity_scale, to_nearness = 1.0f / c.nearness_scale;
+    float* rest = acts + LIMITED_ROOM;
     const float near_solid = nearness(frame, frame.distance[caller]);
     const float from_solid = velocity[0] * normal[0] + velocity[1] * normal[1] + velocity[2] * normal[2];
-    acts[0] = near_solid * to_nearness;
-    for (int axis = 0; axis < 3; ++axis) acts[1 + axis] = near_solid * to_nearness * normal[axis];
-    acts[4] = near_solid * from_solid * to_velocity;
+    rest[0] = near_solid;
+    for (int axis = 0; axis < 3; ++axis) rest[1 + axis] = near_solid * normal[axis];
+    rest[4] = near_solid * from_solid * (1.0f / c.velocity_scale);
     for (int axis = 0; axis < 3; ++axis) {
         const float low = nearness(frame, ahead[axis] - frame.lower[axis]);
         const float high = nearness(frame, frame.upper[axis] - ahead[axis]);
-        acts[5 + axis] = low * to_nearness;
-        acts[8 + axis] = high * to_nearness;
-        acts[11 + axis] = low * velocity[axis] * to_velocity;
-        acts[14 + axis] = high * -velocity[axis] * to_velocity;
+        rest[5 + axis] = low;
+        rest[8 + axis] = high;
+        rest[11 + axis] = low * velocity[axis] * (1.0f / c.velocity_scale);
+        rest[14 + axis] = high * -velocity[axis] * (1.0f / c.velocity_scale);
     }
-    for (int m = 0; m < KERNELS; ++m) {
-        lie[m] = sums[m][3];
-        for (int axis = 0; axis < 3; ++axis) acts[17 + 3 * m + axis] = (sums[m][axis] - lie[m] * velocity[axis]) * to_velocity;
-    }
-    const float over = lie[MIXED] - c.crowded, crowding = over < 0.0f ? 0.0f : over / c.crowding_scale;
-    acts[41] = crowding;
-    for (int axis = 0; axis < 3; ++axis) acts[42 + axis] = crowding * lie[MIXED + 1 + axis];
+    const float crowding = lie[1] - c.crowded < 0.0f ? 0.0f : lie[1] - c.crowded;
+    rest[17] = crowding;
+    for (int axis = 0; axis < 3; ++axis) rest[18 + axis] = crowding * lie[5 + axis];
     for (int m = 0; m < KERNELS; ++m) {
         const float most = c.thickest[m];
         lie[m] = lie[m] > most ? most : lie[m] < -most ? -most : lie[m];
@@ -316,11 +376,11 @@ ALWAYS_INLINE void fetch(const void* from, int64_t bytes) {
 ALWAYS_INLINE void fetch_ahead(const Frame& frame, int32_t i, const float* told, int messages) {
     if (i + EDGES_AHEAD < frame.count) {
         const Edges& edges = frame.edges[i + EDGES_AHEAD];
-        fetch(edges.kernels, 4 * (MIXED + 1) * static_cast<int64_t>(edges.count));  // and behind them the neighbours
+        fetch(edges.kernels, 4 * (4 * (edges.all + edges.near) + edges.all));  // and behind them the neighbours
     }
     if (i + HIDDEN_AHEAD < frame.count) {
         const Edges& edges = frame.edges[i + HIDDEN_AHEAD];
-        for (int32_t e = 0; e < edges.count; ++e)
+        for (int32_t e = 0; e < edges.all; ++e)
             fetch(told + static_cast<int64_t>(edges.senders[e]) * messages, 4 * static_cast<int64_t>(messages));
     }
 }
@@ -344,7 +404,7 @@ inline void keep_hidden(const Frame& frame, int which, int64_t i, int column, Fl
 int64_t look(const Frame& frame, int32_t begin, int32_t end, Arena& arena, float* scratch) {
     const Weights& w = frame.weights;
     const int width = w.width;
-    float *acts = scratch, *lie = acts + ROWS * ACTIONS, *one = lie + ROWS * KERNELS, *factors = one + ROWS * width;
+    float *acts = scratch, *lie = acts + ROWS * ROW, *one = lie + ROWS * KERNELS, *factors = one + ROWS * width;
     Search search;
     int64_t edges = 0;
     for (int32_t block = begin; block < end; block += ROWS) {
@@ -361,15 +421,17 @@ int64_t look(const Frame& frame, int32_t begin, int32_t end, Arena& arena, float
             if (!keep_edges(frame, block + row, row, search, arena)) return -1;
             edges += search.found[row];
         }
+        for (int row = 0; row < here; ++row) observe(frame, block + row, acts + row * ROW, lie + row * KERNELS);
         for (int row = 0; row < here; ++row)
-            observe(frame, block + row, row, search, acts + row * ACTIONS, lie + row * KERNELS);
+            for (float* limited = acts + row * ROW; limited < acts + row * ROW + LIMITED_ROOM; limited += LANES)
+                store(limited, soft_limit(load(limited)));
         product(lie, KERNELS, KERNELS, w.factor_in, width, [&](int row, int column, Floats sum) {
             store(one + row * width + column, silu(sum + load(w.factor_in_bias + column)));
         });
         product(one, width, width, w.factor_out, 2 * width, [&](int row, int column, Floats sum) {
             store(factors + row * 2 * width + column, 1.0f + (sum + load(w.factor_out_bias + column)));
         });
-        product(acts, ACTIONS, ACTIONS, w.encode_in, width, [&](int row, int column, Floats sum) {
+        product(acts, ROW, ROW, w.encode_in, width, [&](int row, int column, Floats sum) {
             store(one + row * width + column, silu(sum));
         });
         product(one, width, width, w.encode_out, width, [&](int row, int column, Floats sum) {
@@ -422,7 +484,7 @@ void decode(const Frame& frame, int32_t block, int here, const float* hidden, fl
 
 void layer(const Frame& frame, int number, int32_t begin, int32_t end, float* scratch) {
     const Weights& w = frame.weights;
-    const int width = w.width, messages = w.messages, depth = MIXED * messages + width;
+    const int width = w.width, messages = w.messages, depth = KERNELS * messages + width;
     const float* mix = w.mix + static_cast<int64_t>(number) * depth * width;
     const float* out = w.out + static_cast<int64_t>(number) * width * width;
     const float *hidden = frame.hidden[number % 2], *told = frame.told[number % 2];
@@ -439,7 +501,7 @@ void layer(const Frame& frame, int number, int32_t begin, int32_t end, float* sc
             for (; column + GATHERED * LANES <= messages; column += GATHERED * LANES)
                 gather<GATHERED>(edges, told + column, messages, to + column);
             for (; column < messages; column += LANES) gather<1>(edges, told + column, messages, to + column);
-            std::memcpy(to + MIXED * messages, hidden + static_cast<int64_t>(block + row) * width, 4 * static_cast<size_t>(width));
+            std::memcpy(to + KERNELS * messages, hidden + static_cast<int64_t>(block + row) * width, 4 * static_cast<size_t>(width));
         }
         product(sums, depth, depth, mix, width, [&](int row, int column, Floats sum) {
             store(one + row * width + column, silu(sum));
@@ -455,7 +517,7 @@ void layer(const Frame& frame, int number, int32_t begin, int32_t end, float* sc
 
 int64_t scratch(const Frame& frame) {
     const int64_t width = frame.weights.width;
-    const int64_t to_look = ACTIONS + KERNELS + 3 * width, to_layer = MIXED * frame.weights.messages + (1 + 1 + 2) * width + OUTPUT_ROOM;
+    const int64_t to_look = ROW + KERNELS + 3 * width, to_layer = KERNELS * frame.weights.messages + (1 + 1 + 2) * width + OUTPUT_ROOM;
     return ROWS * (to_look > to_layer ? to_look : to_layer);
 }
 
