@@ -2,8 +2,8 @@
 
     python benchmarks/results_table.py report-prim report-others report-complex report-wide
 
-One row for every kind of solid and every data set, model / floor; then Chamfer over time, in frames 100 and 200, and
-the share of particles that the guard moved.
+One row for every kind of solid and every data set, model / floor, a dash where no scene has one; then Chamfer over
+time, in frames 100 and 200, and the share of particles that the guard moved.
 """
 
 from __future__ import annotations
@@ -25,22 +25,29 @@ FRAMES = (100, 200)
 Entry = dict[str, Any]
 
 
+def number(value: float | None, places: int) -> str:
+    """A value with so many places, a dash where there is none."""
+    return "–" if value is None else f"{value:.{places}f}"
+
+
 def row_of(mean: Entry) -> str:
     """One line of the first table."""
     told = mean["windows"]["all"]
     whole = mean["surface"] == "all"
     name = f"**{mean['data']}**" if whole else f"{mean['data']}: {mean['surface']}"
-    both = {key: f"{told[key]['model']:.{n}f} / {told[key]['floor']:.{n}f}" for key, n in PLACES.items()}
-    cells = [name, str(mean["scenes"]), both["chamfer"], f"{told['chamfer']['ratio']:.2f}", both["chamfer_squared"]]
+    both = {key: " / ".join(number(told[key][of], n) for of in ("model", "floor")) for key, n in PLACES.items()}
+    cells = [name, str(mean["scenes"]), both["chamfer"], number(told["chamfer"]["ratio"], 2), both["chamfer_squared"]]
     cells += [both["surface"], both["surface_squared"]]
-    cells += [f"{told[key]['model']:.0f}" for key in ("penetration", "lost")]
-    cells += [both["height"], *(f"{told[key]['model']:.2f}" for key in ("energy", "density"))]
+    cells += [number(told[key]["model"], 0) for key in ("penetration", "lost")]
+    cells += [both["height"], *(number(told[key]["model"], 2) for key in ("energy", "density"))]
     return "| " + " | ".join(cells) + " |"
 
 
 def in_frame(scenes: list[Entry], frame: int) -> str:
-    """The ratio of a single frame, means over scenes."""
-    curves = [scene["curves"]["chamfer"] for scene in scenes]
+    """The ratio of a single frame, means over the scenes that have a floor."""
+    curves = [curve for scene in scenes if (curve := scene["curves"]["chamfer"])["floor"]]
+    if not curves:
+        return number(None, 2)
     model, floor = (np.mean([curve[of][frame] for curve in curves]) for of in ("model", "floor"))
     return f"{model / floor:.2f}"
 
@@ -50,7 +57,7 @@ def course_of(mean: Entry, scenes: list[Entry]) -> str:
     cells = [mean["data"]]
     for window in WINDOWS:
         told = mean["windows"][window]["chamfer"]
-        cells.append(f"{told['model']:.4f} / {told['floor']:.4f} ({told['ratio']:.2f})")
+        cells.append(f"{number(told['model'], 4)} / {number(told['floor'], 4)} ({number(told['ratio'], 2)})")
     cells += [in_frame(scenes, frame) for frame in FRAMES]
     cells.append(f"{100 * np.mean([scene['guarded'] for scene in scenes]):.3f} %")
     return "| " + " | ".join(cells) + " |"
