@@ -70,8 +70,9 @@ def rolled_out(
     truth: np.ndarray,
     velocities: np.ndarray,
     first: int,
+    asked: tuple[int, ...] = ASKED,
 ) -> Told:
-    """The model from the scene's start, or from the true frame ``first``."""
+    """The model from the scene's start, or from the true frame ``first``, in the frames ``asked`` for."""
     around = Surroundings.of(scene, surface)
     if first == 0:
         start = scene.start(surface)
@@ -80,9 +81,9 @@ def rolled_out(
         span = slice(first - model.past, first + 1)
         state = model.state_after(torch.from_numpy(truth[span]), torch.from_numpy(velocities[span]))
     told = {}
-    for frame in range(first + 1, ASKED[-1] + 1):
+    for frame in range(first + 1, asked[-1] + 1):
         state, _ = model.step(state, around)
-        if frame in ASKED:
+        if frame in asked:
             told[frame] = chamfer(state.positions.numpy(), truth[frame])
     return told
 

@@ -16,10 +16,9 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from straying import chamfer
+from straying import rolled_out
 from surfsup.model import weights
 from surfsup.model.learned_simulator import LearnedSimulator
-from surfsup.model.state import Surroundings
 from surfsup.trajectory import Trajectory
 
 BEGUN = range(40, 155, 6)  # from the first touches to the height of the splash
@@ -27,28 +26,14 @@ LENGTH = 10
 ASKED = (60, 80, 100)
 
 
-def errors_of(path: Path, model: LearnedSimulator) -> tuple[float, list[float]]:
-    """Of one scene: the mean ten frames after a truth, and those of the rollout from its start."""
+def errors_of(path: Path, model: LearnedSimulator) -> list[float]:
+    """Of one scene: the mean ten frames after a truth, then those of the rollout from its start."""
     with Trajectory(path) as trajectory:
         scene = trajectory.scene
         truth, velocities = trajectory.window(0, BEGUN[-1] + LENGTH + 1)
-    surface = scene.build_surface()
-    around = Surroundings.of(scene, surface)
-    after = []
-    for first in BEGUN:
-        span = slice(first - model.past, first + 1)
-        state = model.state_after(torch.from_numpy(truth[span]), torch.from_numpy(velocities[span]))
-        for _ in range(LENGTH):
-            state, _ = model.step(state, around)
-        after.append(chamfer(state.positions.numpy(), truth[first + LENGTH]))
-    start = scene.start(surface)
-    state = model.start(torch.from_numpy(start.positions), torch.from_numpy(start.particle_velocities), around)
-    told = []
-    for frame in range(1, ASKED[-1] + 1):
-        state, _ = model.step(state, around)
-        if frame in ASKED:
-            told.append(chamfer(state.positions.numpy(), truth[frame]))
-    return float(np.mean(after)), told
+    known = model, scene, scene.build_surface(), truth, velocities
+    after = [rolled_out(*known, first, (first + LENGTH,))[first + LENGTH] for first in BEGUN]
+    return [float(np.mean(after)), *rolled_out(*known, 0, ASKED).values()]
 
 
 def main() -> None:
@@ -64,8 +49,7 @@ def main() -> None:
     for name in arguments.model:
         model, _ = weights.load(weights.find(name))
         found = [errors_of(path, model) for path in islice(sorted(arguments.data.glob("*.h5")), arguments.scenes)]
-        rows = np.array([[after, *told] for after, told in found]).mean(axis=0)
-        print(f"{name:<40}" + "".join(f"{value:>12.4f}" for value in rows), flush=True)
+        print(f"{name:<40}" + "".join(f"{value:>12.4f}" for value in np.mean(found, axis=0)), flush=True)
 
 
 if __name__ == "__main__":

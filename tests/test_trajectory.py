@@ -16,6 +16,7 @@ from surfsup.trajectory import (
     VELOCITY_STEP,
     Provenance,
     Trajectory,
+    TrajectoryFrames,
     TrajectoryWriter,
 )
 
@@ -295,3 +296,15 @@ def test_a_full_disk_does_not_hide_the_error_before_it(tmp_path, monkeypatch):
         usage = shutil.disk_usage(tmp_path)
         monkeypatch.setattr(shutil, "disk_usage", lambda _: usage._replace(free=0))
         raise ZeroDivisionError
+
+
+def test_frames_are_read_without_what_they_are_of(tmp_path):
+    positions, velocities = write(tmp_path / "a.h5", 6)
+    with h5py.File(tmp_path / "a.h5", "a") as file:
+        file.attrs["scene"] = "a scene that nobody can read"
+    with TrajectoryFrames(tmp_path / "a.h5") as found:
+        assert len(found) == 6
+        for one, other in zip(found.window(2, 3), (positions, velocities), strict=True):
+            np.testing.assert_array_equal(one, other[2:5])
+    with pytest.raises(InputError, match="scene"):
+        Trajectory(tmp_path / "a.h5")

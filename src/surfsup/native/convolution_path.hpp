@@ -9,6 +9,13 @@ namespace {
 using surfsup::Channels;
 using surfsup::Sparse;
 
+// Eight sums of as many vectors as fit the registers.
+#if defined(__AVX512F__)
+constexpr int GATHERED_EDGES = 2;
+#else
+constexpr int GATHERED_EDGES = 1;
+#endif
+
 // Sums over the neighbours of particle i of VECTORS vectors of channels, for every kernel apart; values and sums lie so
 // many floats apart from one particle, and one kernel, to the next.
 template <int VECTORS>
@@ -40,8 +47,8 @@ inline void gather_edges(const Sparse& edges, int32_t i, const float* values, in
 inline void gather_row(const Sparse& edges, int32_t i, Channels channels, const float* values, bool back, float* to) {
     const int width = channels.width, messages = channels.messages;
     int column = 0;
-    for (; column + GATHERED * LANES <= messages; column += GATHERED * LANES)
-        gather_edges<GATHERED>(edges, i, values + column, width, back, to + column, messages);
+    for (; column + GATHERED_EDGES * LANES <= messages; column += GATHERED_EDGES * LANES)
+        gather_edges<GATHERED_EDGES>(edges, i, values + column, width, back, to + column, messages);
     for (; column < messages; column += LANES)
         gather_edges<1>(edges, i, values + column, width, back, to + column, messages);
     std::memcpy(to + KERNELS * messages, values + static_cast<int64_t>(i) * width, 4 * static_cast<size_t>(width));

@@ -62,9 +62,10 @@ inline void product(const float* a, int64_t a_row, int depth, const float* w, in
 
 // Sums over neighbours of VECTORS vectors of what they tell, for every kernel apart, `row` floats from one neighbour, and
 // from one kernel, to the next.
-#if defined(__AVX512F__)
-constexpr int GATHERED = 2;  // vectors: eight sums of each fit the 32 registers
+constexpr int GATHERED = 2;  // vectors at once
 
+#if defined(__AVX512F__)
+// Eight sums of two vectors fit the 32 registers.
 template <int VECTORS>
 inline void gather(const Edges& edges, const float* told, int row, float* to) {
     Floats sums[KERNELS][VECTORS];
@@ -120,8 +121,7 @@ inline void gather(const Edges& edges, const float* told, int row, float* to) {
         for (int v = 0; v < VECTORS; ++v) store(to + m * row + v * LANES, sums[m][v]);
 }
 #else
-constexpr int GATHERED = 2;  // vectors: four sums of each fit the 16 registers, so the two windows take turns
-
+// Four sums of two vectors fit the 16 registers, so the two windows take turns.
 template <int VECTORS>
 inline void gather_window(const float* kernels, const int (&which)[4], const int32_t* senders, int64_t count,
                           const float* told, int row, float* to) {
@@ -233,7 +233,7 @@ inline bool see_cell(const Frame& frame, int32_t cell, Search& search, Arena& ar
 inline void kernels_of(const Frame& frame, const Places& edges, int64_t count, float reach, float* to) {
     const float scale = 1.0f / frame.constants.radius, to_reach = 1.0f / reach;
     // The last vector, which spills, comes first.
-    for (int64_t e = (count - 1) / LANES * LANES; e >= 0; e -= LANES) {
+    for (int64_t e = (count + LANES - 1) / LANES * LANES - LANES; e >= 0; e -= LANES) {
         const Floats x = load(edges.x + e) * scale, y = load(edges.y + e) * scale, z = load(edges.z + e) * scale;
         const Floats distance = square_root(x * x + y * y + z * z);
         const Floats window = at_least(1.0f - distance * to_reach, 0.0f);

@@ -47,14 +47,12 @@ class CorrectionObjective(Objective):
         ]
         corrections = split(model.correct(join_observations(seen)), seen)
         errors, reached = [], []
-        for state, window, random, view, correction in zip(
-            states, windows, batch.randoms, seen, corrections, strict=True
-        ):
+        for window, random, view, correction in zip(windows, batch.randoms, seen, corrections, strict=True):
             reached.append(model.advance(view, correction))
             true_positions, true_velocities = window.frame(number + 1)
             wanted = wanted_correction(view, window.frame(number), (true_positions, true_velocities))
             with torch.no_grad():
-                sure = weight_of(state.positions - window.frame(number)[0])
+                sure = weight_of(view.state.positions - window.frame(number)[0])
                 near = window.around.distance_and_normal(view.ahead)[0] < NEAR_SURFACE
             loss = motion_loss(correction, wanted, near, sure)
             if phase.energy > 0:
