@@ -35,13 +35,17 @@ class Heavy(Tiny):
 
 
 class Mixed(Recipe):
-    """Every other scene, by chance, is one that falls through the floor."""
+    """Every other scene, by chance, is one that falls through the floor; those set aside are noted in a file."""
 
     name = "mixed"
 
     def scene(self, index: int, random: np.random.Generator) -> Scene:
         kind = Heavy if random.random() < 0.5 else Tiny
         return kind(self.folder).scene(index, random)
+
+    def set_aside(self, scene: Scene) -> None:
+        with (self.folder / "aside").open("a") as file:
+            print(scene.gravity[2], file=file)
 
 
 @pytest.fixture

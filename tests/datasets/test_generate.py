@@ -88,6 +88,7 @@ def test_a_scene_that_is_not_physical_is_replaced_by_the_next_and_its_reason_kep
     assert yaml.safe_load((tmp_path / "dataset.yaml").read_text())["set_aside"] == [
         {"scene": 0, "attempt": attempt, "reason": "a particle left the container"} for attempt in range(2)
     ]
+    assert (tmp_path / "aside").read_text().split() == ["-1000000.0"] * 2
     assert not list(tmp_path.glob(".*.partial"))
 
 

@@ -54,3 +54,7 @@ class Drawing:
         entropy = [self.seed, index] if attempt == 0 else [self.seed, index, attempt]
         scene = RECIPES[self.recipe](self.folder).scene(index, np.random.default_rng(entropy))
         return scene if self.frames is None else scene.with_frames(self.frames)
+
+    def set_aside(self, scene: Scene) -> None:
+        """Take away what ``scene``, which was drawn and will not be used, alone has put into the folder."""
+        RECIPES[self.recipe](self.folder).set_aside(scene)

@@ -101,6 +101,7 @@ def simulate_sound(drawing: Drawing, index: int, take: Callable[[Run], T]) -> T:
             return patiently(run, take)
         except (UnphysicalError, solver.SolverError) as error:
             reasons.append(str(error))
+            drawing.set_aside(scene)
     raise GivenUpError(f"scene {index}: {DRAWS} in a row were set aside, the last because {reasons[-1]}")
 
 

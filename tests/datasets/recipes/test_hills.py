@@ -42,6 +42,14 @@ def test_other_scenes_have_other_terrains(tmp_path):
     assert len(files) == 7
 
 
+def test_a_scene_set_aside_takes_its_terrain_along_and_leaves_those_of_others(tmp_path):
+    recipe = RECIPES["hills"](tmp_path)
+    first, second = draw(recipe, 0), draw(recipe, 1)
+    for _ in range(2):  # a lost worker's scene may be set aside again
+        recipe.set_aside(first)
+    assert [path.name for path in (tmp_path / "surfaces").iterdir()] == [second.surface.heightfield.file.name]
+
+
 def test_a_terrain_is_all_of_zero_to_one_and_the_long_waves_are_the_high_ones():
     for seed in range(6):
         heights = terrain((60, 90), np.random.default_rng(seed))

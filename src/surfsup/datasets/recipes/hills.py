@@ -53,6 +53,10 @@ class Hills(Recipe):
         )
         return scene.in_folder(self.folder)
 
+    def set_aside(self, scene: Scene) -> None:
+        """Take away the terrain of ``scene``, which no other has."""
+        (self.folder / scene.surface.heightfield.file).unlink(missing_ok=True)
+
 
 def terrain(shape: tuple[int, int], random: Random) -> np.ndarray:
     """Heights (rows, columns) from 0 to 1: waves of all lengths and random phases, the longer the higher.

@@ -48,3 +48,6 @@ class Recipe(ABC):
 
         Files that it names are found from the data set's folder.
         """
+
+    def set_aside(self, scene: Scene) -> None:  # noqa: B027  most recipes' scenes leave nothing
+        """Take away what ``scene``, which was drawn and will not be used, alone has put into the folder."""
