@@ -1,4 +1,5 @@
 from collections import Counter
+from types import SimpleNamespace
 
 import pytest
 import torch
@@ -95,3 +96,14 @@ def test_where_it_is_not_known_how_rollouts_stood_they_begin_anew(tmp_path, data
     train(resumed, Windows(data), data)
     assert resumed.step == 12
     assert all(torch.isfinite(weight).all() for weight in resumed.model.parameters())
+
+
+def test_what_the_first_process_saved_of_its_rollouts_is_no_other_s(tmp_path, data, two_under_way):
+    of = config(steps=12, phases=LONG)
+    with pytest.raises(Stop):
+        train(Run(of, tmp_path), Windows(data), data, report=stop_at(7))
+    for first in (True, False):
+        resumed = Run(of, tmp_path)
+        resumed.fabric = SimpleNamespace(is_global_zero=first, device=torch.device("cpu"))
+        resumed.resume()
+        assert bool(resumed.stood) == first

@@ -141,7 +141,8 @@ class Run:
             began, number, key = name.split(".", 2)
             place = stood.setdefault(int(began), {}).setdefault(int(number), {})
             place[key] = value.to(self.fabric.device)
-        self.stood = {began: [windows[number] for number in sorted(windows)] for began, windows in stood.items()}
+        if self.fabric.is_global_zero:  # the windows of the other processes are others, and theirs were not saved
+            self.stood = {began: [windows[number] for number in sorted(windows)] for began, windows in stood.items()}
         groups = self.plain_optimizer.state_dict()["param_groups"]
         self.plain_optimizer.load_state_dict({"state": states, "param_groups": groups})
         self.step, self.judged = counters["step"], counters["judged"]
