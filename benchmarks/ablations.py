@@ -23,14 +23,14 @@ from torch import Tensor
 
 from surfsup.datasets import windows as windows_module
 from surfsup.datasets.windows import Windows
-from surfsup.model.convolution import CLOSE_DIRECTION, CLOSE_WINDOW, KERNELS
 from surfsup.model.network import ConvolutionNetwork
 from surfsup.training.config import load_config
 from surfsup.training.train import Run, train
 
-VELOCITIES = slice(17, 41)  # columns of what acts on a particle
+SWEEPS, VELOCITIES, DENSITY = slice(0, 6), slice(23, 35), slice(35, 37)  # columns of what acts on a particle
+DIRECTIONS = (1, 2, 3)  # kernels of a layer
 SINGLE = "{until: 0.6, noise: 3.0e-4}"
-PUSHED = "until: 1, unseen: 6, unroll: 2, noise: 3.0e-4, density: 5.0"
+PUSHED = "until: 1, unseen: 6, noise: 3.0e-4, density: 5.0"
 PHASES = f"phases=[{SINGLE}, {{{PUSHED}}}]"
 
 Part = tuple[Tensor, object]  # a weight, and which of its elements
@@ -46,21 +46,27 @@ def velocities(network: ConvolutionNetwork) -> Iterator[Part]:
     yield network.encoder[0].weight, (slice(None), VELOCITIES)
 
 
+def sweeps(network: ConvolutionNetwork) -> Iterator[Part]:
+    """What the sweeps have made; it is corrected all the same."""
+    yield network.encoder[0].weight, (slice(None), SWEEPS)
+
+
 def density(network: ConvolutionNetwork) -> Iterator[Part]:
+    """By how much density would be too high, and how fast it rises."""
+    yield network.encoder[0].weight, (slice(None), DENSITY)
+
+
+def factors(network: ConvolutionNetwork) -> Iterator[Part]:
     """How the neighbours lie: the factors are then all one."""
     yield network.factors[2].weight, slice(None)
     yield network.factors[2].bias, slice(None)
 
 
-def kernels(which: list[int]) -> Callable[[ConvolutionNetwork], Iterator[Part]]:
-    """Some of the eight kernels of every layer."""
-
-    def of_layers(network: ConvolutionNetwork) -> Iterator[Part]:
-        for layer in network.layers:
-            width = layer.own.weight.shape[0]
-            yield layer.mix.weight, np.concatenate([np.arange(width) + kernel * width for kernel in which])
-
-    return of_layers
+def directions(network: ConvolutionNetwork) -> Iterator[Part]:
+    """The kernels of every layer that say where a neighbour is."""
+    for layer in network.layers:
+        width = layer.own.weight.shape[0]
+        yield layer.mix.weight, np.concatenate([np.arange(width) + kernel * width for kernel in DIRECTIONS])
 
 
 @dataclass(frozen=True)
@@ -80,33 +86,32 @@ class Variant:
     turned: bool = True
 
 
-DIRECTIONS = [kernel for kernel in range(KERNELS) if kernel > CLOSE_WINDOW]
-CLOSE = [CLOSE_WINDOW, *range(KERNELS)[CLOSE_DIRECTION]]
 VARIANTS = {
     "as-it-is": Variant(),
     "another-seed": Variant(("seed=1",)),
     "adam": Variant(("optimizer=adam", "learning_rate=2e-3")),
     "adam-1e-2": Variant(("optimizer=adam",)),
-    "batch-4": Variant(("batch=4",)),
+    "batch-2": Variant(("batch=2",)),
     "no-velocities": Variant(left_out=velocities),
-    "no-density-factors": Variant(left_out=density),
-    "no-directions": Variant(left_out=kernels(DIRECTIONS)),
-    "no-close-window": Variant(left_out=kernels(CLOSE)),
+    "not-told-of-sweeps": Variant(left_out=sweeps),
+    "not-told-of-density": Variant(left_out=density),
+    "no-density-factors": Variant(left_out=factors),
+    "no-directions": Variant(left_out=directions),
     "no-symmetry": Variant(turned=False),
     "15-scenes": Variant(scenes=15),
     "50-scenes": Variant(scenes=50),
+    "1-layer": Variant(("layers=1",)),
     "3-layers": Variant(("layers=3",)),
-    "5-layers": Variant(("layers=5",)),
-    "7-layers": Variant(("layers=7",)),
-    "16-channels": Variant(("width=16", "messages=8")),
-    "48-channels": Variant(("width=48", "messages=24")),
-    "told-of-all": Variant(("messages=32",)),
-    "radius-0.05": Variant(("radius=0.05",)),
+    "4-layers": Variant(("layers=4",)),
+    "32-channels": Variant(("width=32",)),
+    "64-channels": Variant(("width=64",)),
+    "told-of-two-thirds": Variant(("messages=32",)),
+    "told-of-all": Variant(("messages=48",)),
     "no-noise": Variant((PHASES.replace("3.0e-4", "0"),)),
     "noise-1e-3": Variant((PHASES.replace("3.0e-4", "1.0e-3"),)),
     "single-frames": Variant((f"phases=[{SINGLE.replace('0.6', '1')}]",)),
-    "loss-of-one": Variant((PHASES.replace("unroll: 2", "unroll: 1"),)),
-    "loss-of-four": Variant((PHASES.replace("unroll: 2", "unroll: 4"),)),
+    "loss-of-two": Variant((PHASES.replace("unseen: 6", "unseen: 6, unroll: 2"),)),
+    "loss-of-four": Variant((PHASES.replace("unseen: 6", "unseen: 6, unroll: 4"),)),
     "no-density-term": Variant((PHASES.replace("density: 5.0", "density: 0"),)),
 }
 

@@ -91,7 +91,8 @@ class TestGradientsEqualCentralDifferences:
                 last_frame(exact, around(bowl(torch.tensor(0.1).double()), torch.float64), water, 5).positions
             )
 
-        share = torch.zeros((), dtype=torch.float64, requires_grad=True)
+        # On its lattice, at one velocity, water is at the edge of what sweeps do nothing to: there is no slope.
+        share = torch.full((), 0.3, dtype=torch.float64, requires_grad=True)
         (gradient,) = torch.autograd.grad(reward(share), share)
         with torch.no_grad():
             slope = (reward(share + 1e-7) - reward(share - 1e-7)) / 2e-7
@@ -154,7 +155,7 @@ class TestParticlesThatLeave:
     def test_may_all_leave_on_the_way_of_a_gradient(self, small_simulator):
         place = torch.tensor([0.01, 0.0, 0.3], requires_grad=True)
         water = falling(lattice(3, 2, 0.4), 3.0, floor=0.06)
-        end = last_frame(small_simulator, around(Transformed(Sphere(0.04), translation=place)), water, 60)
+        end = last_frame(small_simulator, around(Transformed(Sphere(0.04), translation=place)), water, 120)
         assert end.landed.all()
         (gradient,) = torch.autograd.grad(end.positions[:, 0].mean(), place)
         assert torch.isfinite(gradient).all() and gradient.abs().max() > 0

@@ -1,8 +1,9 @@
 import pytest
 import torch
 
-from surfsup.model.convolution import CLOSE, KERNELS, PARITY, Gather, Graph, KernelSums, graph, join
+from surfsup.model.convolution import KERNELS, PARITY, Gather, Graph, KernelSums, graph, join
 from surfsup.model.neighbours import Neighbourhood, neighbourhood
+from surfsup.scene import SPACING
 
 RADIUS = 0.4
 
@@ -33,12 +34,29 @@ def test_kernels_vanish_at_the_radius_and_beyond(distance):
     assert (two_particles([0, distance, 0]).kernels == 0).all()
 
 
-def test_kernels_are_the_two_windows_alone_and_times_the_direction():
-    kernels = two_particles([0, 0, RADIUS / 2]).kernels
-    wide, close = 1 - 0.5, 1 - 0.5 / CLOSE
-    expected = [wide**2, close**2, 0, 0, wide, 0, 0, close]
-    torch.testing.assert_close(kernels[0], kernels.new_tensor(expected))
-    torch.testing.assert_close(kernels[1], kernels.new_tensor(expected) * kernels.new_tensor(PARITY))
+@pytest.mark.parametrize(
+    ("share", "window", "slope"), [(0.25, 0.71875, 0.9375), (0.5, 0.25, 0.75), (0.75, 0.03125, 0.1875)]
+)
+def test_kernels_are_the_cubic_spline_and_its_slope_times_the_direction(share, window, slope):
+    kernels = two_particles([0, 0, share * RADIUS]).kernels
+    expected = kernels.new_tensor([window, 0, 0, slope])
+    torch.testing.assert_close(kernels[0], expected)
+    torch.testing.assert_close(kernels[1], expected * kernels.new_tensor(PARITY))
+
+
+def test_the_slope_is_minus_half_of_that_of_the_window_a_radius():
+    place, step = 0.3, 1e-6
+    ahead, behind = (two_particles([0, 0, (place + move) * RADIUS]).kernels[0, 0] for move in (step, -step))
+    slope = two_particles([0, 0, place * RADIUS]).kernels[0, 3]
+    torch.testing.assert_close(slope, -0.5 * (ahead - behind) / (2 * step), rtol=1e-6, atol=0)
+
+
+def test_on_the_lattice_that_water_starts_on_density_is_that_of_the_solver():
+    positions = torch.cartesian_prod(*[SPACING * torch.arange(5, dtype=torch.float64)] * 3)
+    seen = graph(positions, neighbourhood(positions, 2 * SPACING), 2 * SPACING)
+    middle = seen.neighbourhood.receivers == 62
+    density = 8 / torch.pi / 8 * (1 + seen.kernels[middle, 0].sum())
+    torch.testing.assert_close(density, density.new_tensor(1.0), rtol=1e-4, atol=0)
 
 
 def test_an_edge_and_its_reverse_differ_by_the_parity_of_the_kernels():

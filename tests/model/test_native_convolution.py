@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 
 from surfsup import native
 from surfsup.errors import SimulationError
-from surfsup.model.convolution import Gather, Graph, KernelSums, convolve, graph, kernel_sums
+from surfsup.model.convolution import KERNELS, Gather, Graph, KernelSums, convolve, graph, kernel_sums
 from surfsup.model.neighbours import native_neighbourhood, neighbourhood, pairs_by_tree
 
 pytestmark = pytest.mark.skipif(
@@ -27,12 +27,12 @@ def seen(count: int, seed: int = 0, dtype=torch.float32) -> Graph:
 def drawn(width: int, count: int, seed: int = 0, messages: int | None = None) -> list[torch.Tensor]:
     """Hidden, mix and own, which want gradients."""
     random = torch.Generator().manual_seed(seed)
-    sizes = [(count, width), (8 * width, messages or width), (width, width)]
+    sizes = [(count, width), (KERNELS * width, messages or width), (width, width)]
     return [torch.randn(size, generator=random).div_(width**0.5).requires_grad_() for size in sizes]
 
 
 def by_torch(hidden: torch.Tensor, mix: torch.Tensor, own: torch.Tensor, edges: Graph) -> torch.Tensor:
-    mixed = (hidden[:, : mix.shape[1]] @ mix.T).unflatten(1, (8, -1))
+    mixed = (hidden[:, : mix.shape[1]] @ mix.T).unflatten(1, (KERNELS, -1))
     return Gather.apply(mixed, edges.kernels, edges) + hidden @ own.T
 
 
@@ -145,6 +145,6 @@ def test_sizes_that_do_not_fit_are_refused():
     told = [one.numpy() for one in (edges.neighbourhood.starts, edges.neighbourhood.senders, edges.kernels)]
     hidden, mix, own = (one.detach().numpy() for one in drawn(16, 20))
     with pytest.raises(ValueError, match="multiples of 16 channels"):
-        native.convolve(*told, hidden, mix[:64], own, hidden.copy(), 1)
+        native.convolve(*told, hidden, mix[:48], own, hidden.copy(), 1)
     with pytest.raises(ValueError, match="hidden has 19 rows for 20 particles"):
         native.convolve(*told, hidden[:19], mix, own, hidden.copy(), 1)

@@ -23,7 +23,7 @@ MESSAGE_PASSING = ("surfsup", "surfsup-velocity", "value-only", "no-sdf", "gns")
 
 
 def write_fall(path, scene: Scene) -> None:
-    """Water that falls onto the ball: ballistic, kept out of the ball by the guard alone."""
+    """Water that falls onto the ball, as the sweeps alone have it."""
     surface = scene.build_surface()
     start = scene.start(surface)
     around = Surroundings.of(scene, surface)
@@ -31,7 +31,7 @@ def write_fall(path, scene: Scene) -> None:
     for parameter in simulator.parameters():
         torch.nn.init.zeros_(parameter)
     state = State(torch.from_numpy(start.positions), torch.from_numpy(start.particle_velocities))
-    with TrajectoryWriter(path, scene, Provenance("guarded fall"), len(start.positions)) as writer:
+    with TrajectoryWriter(path, scene, Provenance("swept fall"), len(start.positions)) as writer:
         for now, _ in simulator.rollout(state, around, scene.frames):
             writer.append(now.positions.numpy(), now.velocities.numpy())
 

@@ -1,7 +1,8 @@
 """A continuous convolution over particles with fixed kernels, as one sparse matrix product.
 
-An edge carries eight fixed kernels: two windows of the distance, each alone and times the three components of
-the direction. A layer is a learned mixture of the eight, so its cost is that of one sparse product:
+An edge carries four fixed kernels, those that the solver itself sums density and pressure with: its smoothing kernel,
+and the kernel's slope times the three components of the direction. A layer is a learned mixture of the four, so its
+cost is that of one sparse product:
 
     out_i = sum_j sum_m k_m(x_j - x_i) (W_m h_j)
 """
@@ -18,11 +19,9 @@ from torch import Tensor, nn
 from surfsup.model.native_convolution import FOUR, NativeConvolution, NativeKernelSums, can_convolve, can_sum
 from surfsup.model.neighbours import Neighbourhood, join_neighbourhoods
 
-KERNELS = 8
-# Windows are even in the displacement, windows times a direction are odd.
-CLOSE_WINDOW, CLOSE_DIRECTION = 1, slice(5, 8)
-CLOSE = 0.7  # of the radius, where the close window ends
-PARITY = (1.0, 1.0, -1.0, -1.0, -1.0, -1.0, -1.0, -1.0)
+KERNELS = 4
+# The smoothing kernel is even in the displacement, its slope times a direction is odd.
+PARITY = (1.0, -1.0, -1.0, -1.0)
 
 
 @dataclass(frozen=True)
@@ -31,7 +30,7 @@ class Graph:
 
     Attributes:
         neighbourhood: N particles, E directed edges.
-        kernels: (E, 8).
+        kernels: (E, 4).
     """
 
     neighbourhood: Neighbourhood
@@ -43,7 +42,7 @@ class Graph:
 
     @cached_property
     def gathering(self) -> Tensor:
-        """The sparse matrix (N, 8N) from the messages of each particle and kernel to their sums."""
+        """The sparse matrix (N, 4N) from the messages of each particle and kernel to their sums."""
         near, count = self.neighbourhood, len(self)
         columns = near.senders[:, None] * KERNELS + torch.arange(KERNELS, device=near.senders.device)
         values = self.kernels.detach().flatten()
@@ -51,7 +50,7 @@ class Graph:
 
     @cached_property
     def spreading(self) -> Tensor:
-        """The transpose of :attr:`gathering`, (8N, N).
+        """The transpose of :attr:`gathering`, (4N, N).
 
         An edge and its reverse have the same kernels up to the sign of the odd ones, so the transpose has the
         rows (particle, kernel) over the same neighbours, and needs no sorting.
@@ -81,17 +80,18 @@ def sparse(starts: Tensor, columns: Tensor, values: Tensor, size: tuple[int, int
 def graph(positions: Tensor, neighbours: Neighbourhood, radius: float) -> Graph:
     """The graph of ``positions`` (N, 3), its kernels differentiable in them; nothing reaches past ``radius``.
 
-    The wide window is felt by all neighbours and measures density; the close one only by those nearer than about
-    1.4 spacings, so that two particles too close to each other are seen at once.
+    The smoothing kernel is the cubic spline W (J. J. Monaghan, "Smoothed particle hydrodynamics", Annual Review of
+    Astronomy and Astrophysics 30, 1992), as a share of W(0); the slope is -W'/2 in that share a radius, at most 1. The
+    direction is that to the neighbour, in which density rises.
     """
     displacement = (
         positions.index_select(0, neighbours.senders) - positions.index_select(0, neighbours.receivers)
     ) / radius
     distance = torch.linalg.vector_norm(displacement, dim=-1, keepdim=True)
-    wide = (1 - distance).clamp(min=0)
-    close = (1 - distance / CLOSE).clamp(min=0)
-    direction = displacement / distance.clamp(min=1e-6)
-    return Graph(neighbours, torch.cat([wide**2, close**2, wide * direction, close * direction], dim=-1))
+    whole, inner = (1 - distance).clamp(min=0), (0.5 - distance).clamp(min=0)
+    window = 2 * whole**3 - 8 * inner**3
+    slope = 3 * whole**2 - 12 * inner**2
+    return Graph(neighbours, torch.cat([window, slope * displacement / distance.clamp(min=1e-6)], dim=-1))
 
 
 def join(graphs: list[Graph]) -> Graph:
@@ -107,7 +107,7 @@ def convolve(hidden: Tensor, mix: Tensor, own: Tensor, graph: Graph) -> Tensor:
 
     Args:
         hidden: (N, C), of which neighbours are told the first M.
-        mix: (8C, M), the learned matrix of each kernel.
+        mix: (4C, M), the learned matrix of each kernel.
         own: (C, C).
         graph: the neighbours.
     """
@@ -119,7 +119,7 @@ def convolve(hidden: Tensor, mix: Tensor, own: Tensor, graph: Graph) -> Tensor:
 
 
 def kernel_sums(values: Tensor, graph: Graph) -> Tensor:
-    """The sum over neighbours for every kernel apart, not mixed: (N, C) -> (N, 8, C)."""
+    """The sum over neighbours for every kernel apart, not mixed: (N, C) -> (N, 4, C)."""
     if values.shape[1] == FOUR and can_sum(graph, values):
         return NativeKernelSums.apply(values, graph)
     return KernelSums.apply(values, graph.kernels, graph)
@@ -130,7 +130,7 @@ class Gather(torch.autograd.Function):
 
     @staticmethod
     def forward(context: torch.autograd.function.FunctionCtx, mixed: Tensor, kernels: Tensor, graph: Graph) -> Tensor:
-        """(N, 8, C) messages of each sender and kernel -> (N, C) sums of each receiver.
+        """(N, 4, C) messages of each sender and kernel -> (N, C) sums of each receiver.
 
         ``kernels`` are those of ``graph``, named apart so that their gradient is asked for.
         """
@@ -163,7 +163,7 @@ class KernelSums(torch.autograd.Function):
 
     @staticmethod
     def forward(context: torch.autograd.function.FunctionCtx, values: Tensor, kernels: Tensor, graph: Graph) -> Tensor:
-        """(N, C) values of the senders -> (N, 8, C) sums of the receivers; ``kernels`` are those of ``graph``."""
+        """(N, C) values of the senders -> (N, 4, C) sums of the receivers; ``kernels`` are those of ``graph``."""
         context.save_for_backward(values)
         context.graph = graph
         return (graph.spreading @ values).unflatten(0, (len(graph), KERNELS)) * parity(values)
@@ -186,5 +186,5 @@ class KernelSums(torch.autograd.Function):
 
 
 def parity(like: Tensor) -> Tensor:
-    """The sign (8, 1) that each kernel takes when an edge is turned around."""
+    """The sign (4, 1) that each kernel takes when an edge is turned around."""
     return like.new_tensor(PARITY)[:, None]

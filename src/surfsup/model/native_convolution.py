@@ -37,12 +37,12 @@ def can_sum(graph: Graph, values: Tensor) -> bool:
 class NativeConvolution(torch.autograd.Function):
     """own h_i + sum_j sum_m k_m(i, j) mix_m h_j, of whose channels the first M count.
 
-    Nothing of N x 8 x M is kept: going back makes the sums anew.
+    Nothing of N x 4 x M is kept: going back makes the sums anew.
     """
 
     @staticmethod
     def forward(context: Any, hidden: Tensor, mix: Tensor, own: Tensor, graph: Graph) -> Tensor:
-        """Hidden (N, C), mix (8C, M), own (C, C) -> (N, C)."""
+        """Hidden (N, C), mix (4C, M), own (C, C) -> (N, C)."""
         hidden, mix, own = hidden.contiguous(), mix.contiguous(), own.contiguous()
         context.save_for_backward(hidden, mix, own)
         context.graph = graph
@@ -72,7 +72,7 @@ class NativeKernelSums(torch.autograd.Function):
 
     @staticmethod
     def forward(context: Any, values: Tensor, graph: Graph) -> Tensor:
-        """(N, 4) values of the senders -> (N, 8, 4) sums of the receivers."""
+        """(N, 4) values of the senders -> (N, 4, 4) sums of the receivers."""
         context.graph = graph
         sums = values.new_empty(len(graph), graph.kernels.shape[1], FOUR)
         native.sum_fours(*edges(graph), *arrays(values.contiguous(), sums), torch.get_num_threads())

@@ -9,13 +9,23 @@ import torch
 from torch import Tensor
 
 from surfsup import native
-from surfsup.model.convolution import CLOSE
 from surfsup.model.correction import LARGEST, POSITION_SHARE
-from surfsup.model.features import CROWDED, DISPLACEMENT_SCALE, REACH, THICKEST, VELOCITY_SCALE
+from surfsup.model.features import (
+    DENSEST,
+    DENSITY_SCALE,
+    DISPLACEMENT_SCALE,
+    NEARNESS_SCALE,
+    REACH,
+    THICKEST,
+    VELOCITY_SCALE,
+    own_density,
+)
 from surfsup.model.guard import Look
 from surfsup.model.neighbours import blown_up, collapsed, most_edges
 from surfsup.model.network import ConvolutionNetwork
+from surfsup.model.solid_density import DEEPEST, SUPPORT, TABLE_STEP, entries
 from surfsup.model.state import FRAME_TIME, State, Surroundings, free_fall_drop
+from surfsup.model.sweeps import LEAST, OF_EXCESS, OF_RISE, STEP
 
 if TYPE_CHECKING:
     from surfsup.model.simulator import Simulator
@@ -66,7 +76,14 @@ class NativeStep:
         radius = simulator.architecture.radius
         most = most_edges(len(ahead), radius)
         edges = self.network_of(simulator).step(
-            speeds, *(value.numpy() for value in told), positions, velocities, self.path, torch.get_num_threads(), most
+            places,
+            speeds,
+            *(value.numpy() for value in told),
+            positions,
+            velocities,
+            self.path,
+            torch.get_num_threads(),
+            most,
         )
         if edges < 0:
             raise blown_up()
@@ -86,7 +103,8 @@ class NativeStep:
 
 def native_network(simulator: Simulator) -> native.Network:
     """The native twin of a simulator's network, whose weights it shares."""
-    network = simulator.network
+    network, radius = simulator.network, simulator.architecture.radius
+    density, slope = entries(torch.float32, torch.device("cpu"))
 
     def array(weight: Tensor) -> object:
         return weight.detach().numpy()
@@ -97,13 +115,20 @@ def native_network(simulator: Simulator) -> native.Network:
         factors=(array(first.weight), array(first.bias), array(last.weight), array(last.bias)),
         layers=[(array(one.mix.weight), array(one.own.weight), array(one.out.weight)) for one in network.layers],
         decoder=(array(network.decoder[0].weight), array(network.decoder[2].weight)),
-        radius=simulator.architecture.radius,
-        close=CLOSE,
+        solids=(density.numpy(), slope.numpy(), DEEPEST, TABLE_STEP, SUPPORT),
+        radius=radius,
         frame_time=FRAME_TIME,
         reach=REACH,
         displacement_scale=DISPLACEMENT_SCALE,
         velocity_scale=VELOCITY_SCALE,
-        crowded=CROWDED,
+        nearness_scale=NEARNESS_SCALE,
+        density_scale=DENSITY_SCALE,
+        own_density=own_density(radius),
+        densest=DENSEST,
+        sweep_time=STEP,
+        of_rise=OF_RISE,
+        of_excess=OF_EXCESS,
+        least=LEAST,
         position_share=POSITION_SHARE,
         largest=LARGEST,
         thickest=THICKEST,

@@ -29,7 +29,7 @@ class Layer(nn.Module):
 class ConvolutionNetwork(nn.Module):
     """Encoder, ``layers`` steps of message passing of ``width`` channels, decoder.
 
-    A particle's neighbours are told of its first ``messages`` channels only: what is told costs eight times as much as
+    A particle's neighbours are told of its first ``messages`` channels only: what is told costs four times as much as
     what is kept.
     """
 

@@ -20,6 +20,7 @@ from surfsup.model.network import ConvolutionNetwork
 from surfsup.model.state import State, Surroundings
 
 OUTPUTS = 6
+PARTICLES = ("ahead", "places", "speeds", "distance", "normal", "acts", "lie")  # of an observation
 
 
 @dataclass(frozen=True)
@@ -29,13 +30,13 @@ class Architecture:
     Attributes:
         width: channels of every particle.
         layers: steps of message passing.
-        radius: connectivity radius in metres. The particles start on a lattice of 0.03: 0.06 would be a tie.
+        radius: connectivity radius in metres; the solver's kernel reaches 0.06.
         messages: channels of a particle that its neighbours are told of, its first; None: all.
     """
 
     width: int = 32
     layers: int = 5
-    radius: float = 0.061
+    radius: float = 0.06
     messages: int | None = None
 
     def __post_init__(self) -> None:
@@ -55,19 +56,21 @@ class Observation:
     Attributes:
         state: the fluid now.
         ahead: (N, 3) where ballistic motion would take it, metres.
-        falling: (N, 3) its velocity there, m/s.
-        distance: (N,) of the solid from there, metres.
-        gravity: (3,) or (N, 3), m/s².
-        acts: (N, 45), what acts on each particle.
-        lie: (N, 8), how its neighbours lie.
-        graph: neighbours at ``ahead``.
+        places: (N, 3) where the sweeps would take it, metres; the network corrects these.
+        speeds: (N, 3) its velocities there, m/s.
+        distance: (N,) of the solid from ``ahead``, metres.
+        normal: (N, 3) of the solid there.
+        acts: (N, 37), what acts on each particle.
+        lie: (N, 6), how its neighbours lie.
+        graph: neighbours halfway to ``ahead``.
     """
 
     state: State
     ahead: Tensor
-    falling: Tensor
+    places: Tensor
+    speeds: Tensor
     distance: Tensor
-    gravity: Tensor
+    normal: Tensor
     acts: Tensor
     lie: Tensor
     graph: Graph
@@ -99,21 +102,23 @@ class Simulator(LearnedSimulator[State]):
         return State(positions[0], velocities[0])
 
     def observe(self, state: State, around: Surroundings) -> Observation:
-        """See ``state``: advance it ballistically, find neighbours and distances there."""
+        """See ``state``: advance it ballistically, find neighbours halfway and distances there, sweep."""
         ahead, falling = state.ballistic(around.gravity)
         distance, normal = around.distance_and_normal(ahead)
-        seen = graph(ahead, neighbourhood(ahead, self.architecture.radius), self.architecture.radius)
-        acts, lie = observe_features(state, ahead, distance, normal, around, seen)
-        return Observation(state, ahead, falling, distance, around.gravity, acts, lie, seen)
+        radius, halfway = self.architecture.radius, 0.5 * (state.positions + ahead)
+        seen = graph(halfway, neighbourhood(halfway, radius), radius)
+        told = observe_features(state, ahead, distance, normal, around, seen, radius)
+        places, speeds = ahead + told.farther, falling + told.faster
+        return Observation(state, ahead, places, speeds, distance, normal, told.acts, told.lie, seen)
 
     def correct(self, seen: Observation) -> Correction:
-        """The network's correction to ballistic motion."""
+        """The network's correction to what the sweeps have made."""
         velocity, beyond = self.network(seen.acts, seen.lie, seen.graph).chunk(2, dim=-1)
         return Correction(velocity, POSITION_SHARE * velocity + 0.3 * beyond).bounded()
 
     def advance(self, seen: Observation, correction: Correction) -> tuple[Tensor, Tensor]:
         """Positions (N, 3) and velocities (N, 3) one frame later, before the guard."""
-        return correction.added_to(seen.ahead, seen.falling)
+        return correction.added_to(seen.places, seen.speeds)
 
     def step(self, state: State, around: Surroundings, guarded: bool = True) -> tuple[State, Tensor]:
         """The state one frame later, and which particles (N,) the guard had to move.
@@ -140,11 +145,6 @@ def join_observations(parts: list[Observation]) -> Observation:
     states = [part.state for part in parts]
     return Observation(
         State(*(torch.cat([getattr(state, name) for state in states]) for name in vars(states[0]))),
-        torch.cat([part.ahead for part in parts]),
-        torch.cat([part.falling for part in parts]),
-        torch.cat([part.distance for part in parts]),
-        torch.cat([part.gravity.expand_as(part.ahead) for part in parts]),
-        torch.cat([part.acts for part in parts]),
-        torch.cat([part.lie for part in parts]),
+        *(torch.cat([getattr(part, name) for part in parts]) for name in PARTICLES),
         join([part.graph for part in parts]),
     )

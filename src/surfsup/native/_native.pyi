@@ -62,7 +62,7 @@ def convolve(
 ) -> None:
     """Write own h_i + sum_j sum_m k_m(i, j) mix_m h_j to ``out`` (N, C).
 
-    Of h_j only as many channels count as ``mix`` (8C, M) has columns; C and M are multiples of 16.
+    Of h_j only as many channels count as ``mix`` (4C, M) has columns; C and M are multiples of 16.
 
     Raises:
         ValueError: sizes do not fit.
@@ -90,7 +90,7 @@ def convolve_back(
 def sum_fours(
     starts: np.ndarray, senders: np.ndarray, kernels: np.ndarray, values: np.ndarray, sums: np.ndarray, threads: int
 ) -> None:
-    """Write sum_j k_m(i, j) v_j of four values a particle to ``sums`` (N, 8, 4)."""
+    """Write sum_j k_m(i, j) v_j of four values a particle to ``sums`` (N, 4, 4)."""
 
 def sum_fours_back(
     starts: np.ndarray,
@@ -173,13 +173,20 @@ class Network:
         factors: tuple[Matrix, Bias, Matrix, Bias],
         layers: list[tuple[Matrix, Matrix, Matrix]],
         decoder: tuple[Matrix, Matrix],
+        solids: tuple[Values, Values, float, float, float],
         radius: float,
-        close: float,
         frame_time: float,
         reach: float,
         displacement_scale: float,
         velocity_scale: float,
-        crowded: float,
+        nearness_scale: float,
+        density_scale: float,
+        own_density: float,
+        densest: float,
+        sweep_time: float,
+        of_rise: float,
+        of_excess: float,
+        least: float,
         position_share: float,
         largest: float,
         thickest: tuple[float, ...],
@@ -192,6 +199,7 @@ class Network:
 
     def step(
         self,
+        positions: Vectors,
         velocities: Vectors,
         ahead: Vectors,
         distance: Values,

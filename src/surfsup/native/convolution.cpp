@@ -18,7 +18,7 @@ namespace {
 constexpr int32_t PORTION = 48;  // particles, a multiple of every path's rows
 constexpr int SLICES = 8;        // of the particles, whose sums are made apart and then added, always in this order
 constexpr float WIDER = 1.0001f; // a first look in single precision, before the exact one
-constexpr float PARITY[KERNELS] = {1, 1, -1, -1, -1, -1, -1, -1};
+constexpr float PARITY[KERNELS] = {1, -1, -1, -1};
 
 const Path& fastest() {
     static const Path& path = *paths().front();

@@ -9,7 +9,7 @@
 namespace surfsup {
 
 // out_i = own h_i + sum_j sum_m k_m(i, j) mix_m h_j, where of h_j only the first `messages` channels count; both numbers
-// of channels are multiples of CHANNELS. `mix` is (8 width, messages), `own` (width, width), a row an output, as torch
+// of channels are multiples of CHANNELS. `mix` is (4 width, messages), `own` (width, width), a row an output, as torch
 // keeps them.
 constexpr int CHANNELS = 16;
 
@@ -20,7 +20,7 @@ void convolve(const Sparse& edges, Channels channels, const float* hidden, const
 void convolve_back(const Sparse& edges, Channels channels, const float* hidden, const float* mix, const float* own,
                    const float* gradient, float* to_hidden, float* to_mix, float* to_own, int threads);
 
-// sums_im = sum_j k_m(i, j) v_j of four values a particle, (count, 8, 4); and the gradient in v from that in the sums.
+// sums_im = sum_j k_m(i, j) v_j of four values a particle, (count, 4, 4); and the gradient in v from that in the sums.
 void sum_fours(const Sparse& edges, const float* values, float* sums, int threads);
 void sum_fours_back(const Sparse& edges, const float* gradient, float* to_values, int threads);
 

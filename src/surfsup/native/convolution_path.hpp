@@ -9,19 +9,12 @@ namespace {
 using surfsup::Channels;
 using surfsup::Sparse;
 
-// Eight sums of as many vectors as fit the registers.
-#if defined(__AVX512F__)
-constexpr int GATHERED_EDGES = 2;
-#else
-constexpr int GATHERED_EDGES = 1;
-#endif
-
-// Sums over the neighbours of particle i of VECTORS vectors of channels, for every kernel apart; values and sums lie so
-// many floats apart from one particle, and one kernel, to the next.
+// Sums over the neighbours of particle i of VECTORS vectors of channels, for every kernel apart; values and sums lie
+// so many floats apart from one particle, and one kernel, to the next.
 template <int VECTORS>
 inline void gather_edges(const Sparse& edges, int32_t i, const float* values, int values_row, bool back, float* to, int to_row) {
     Floats sums[KERNELS][VECTORS];
-#pragma GCC unroll 8
+#pragma GCC unroll 4
     for (int m = 0; m < KERNELS; ++m)
 #pragma GCC unroll 2
         for (int v = 0; v < VECTORS; ++v) sums[m][v] = Floats{};
@@ -30,25 +23,25 @@ inline void gather_edges(const Sparse& edges, int32_t i, const float* values, in
         Floats sent[VECTORS];
 #pragma GCC unroll 2
         for (int v = 0; v < VECTORS; ++v) sent[v] = load(from + v * LANES);
-#pragma GCC unroll 8
+#pragma GCC unroll 4
         for (int m = 0; m < KERNELS; ++m) {
             const Floats weight = splat(kernel[m]);
 #pragma GCC unroll 2
             for (int v = 0; v < VECTORS; ++v) sums[m][v] += weight * sent[v];
         }
     }
-#pragma GCC unroll 8
+#pragma GCC unroll 4
     for (int m = 0; m < KERNELS; ++m)
 #pragma GCC unroll 2
-        for (int v = 0; v < VECTORS; ++v) store(to + m * to_row + v * LANES, back && m > 1 ? -sums[m][v] : sums[m][v]);
+        for (int v = 0; v < VECTORS; ++v) store(to + m * to_row + v * LANES, back && m > 0 ? -sums[m][v] : sums[m][v]);
 }
 
-// The eight sums of a particle over the first `messages` of its neighbours' channels, and behind them all of its own.
+// The four sums of a particle over the first `messages` of its neighbours' channels, and behind them all of its own.
 inline void gather_row(const Sparse& edges, int32_t i, Channels channels, const float* values, bool back, float* to) {
     const int width = channels.width, messages = channels.messages;
     int column = 0;
-    for (; column + GATHERED_EDGES * LANES <= messages; column += GATHERED_EDGES * LANES)
-        gather_edges<GATHERED_EDGES>(edges, i, values + column, width, back, to + column, messages);
+    for (; column + GATHERED * LANES <= messages; column += GATHERED * LANES)
+        gather_edges<GATHERED>(edges, i, values + column, width, back, to + column, messages);
     for (; column < messages; column += LANES)
         gather_edges<1>(edges, i, values + column, width, back, to + column, messages);
     std::memcpy(to + KERNELS * messages, values + static_cast<int64_t>(i) * width, 4 * static_cast<size_t>(width));

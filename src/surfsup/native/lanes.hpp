@@ -15,12 +15,15 @@ namespace {
 #if defined(__AVX512F__)
 constexpr int LANES = 16;
 constexpr int ROWS = 12;  // particles in a block of the products: 12 x 2 sums fit the 32 registers
+constexpr int AT_ONCE = 2;   // neighbours whose sums are made side by side: 2 x 4 kernels x 2 vectors fit
 #elif defined(__AVX2__)
 constexpr int LANES = 8;
-constexpr int ROWS = 6;  // 6 x 2 sums fit the 16 registers
+constexpr int ROWS = 6;     // 6 x 2 sums fit the 16 registers
+constexpr int AT_ONCE = 1;  // 4 kernels x 2 vectors fit
 #else
 constexpr int LANES = 4;
 constexpr int ROWS = 6;
+constexpr int AT_ONCE = 1;
 #endif
 
 typedef float Floats __attribute__((vector_size(4 * LANES)));
@@ -103,43 +106,9 @@ inline Floats exponential(Floats x) {
     return sum * (Floats)power;
 }
 
-// ln(x) of normal x > 0 to 2e-7.
-inline Floats logarithm(Floats x) {
-    const Ints bits = (Ints)x;
-    Ints power = (bits >> 23) - 126;
-    Floats part = (Floats)((bits & 0x007fffff) | 0x3f000000);  // [0.5, 1)
-    const Ints low = part < 0.707106781f;                       // all ones where so
-    power += low;
-    part = (low ? part + part : part) - 1.0f;
-    const Floats square = part * part;
-    Floats sum = splat(7.0376836292e-2f);  // Cephes logf
-    sum = sum * part - 1.1514610310e-1f;
-    sum = sum * part + 1.1676998740e-1f;
-    sum = sum * part - 1.2420140846e-1f;
-    sum = sum * part + 1.4249322787e-1f;
-    sum = sum * part - 1.6668057665e-1f;
-    sum = sum * part + 2.0000714765e-1f;
-    sum = sum * part - 2.4999993993e-1f;
-    sum = sum * part + 3.3333331174e-1f;
-    const Floats exponent = from_ints(power);
-    const Floats result = part + (sum * part * square - 0.5f * square - exponent * 2.12194440e-4f);
-    // x - x is zero for every number, so what is no number stays none.
-    return result + exponent * 0.693359375f + (x - x);
-}
-
 inline Floats sigmoid(Floats x) { return reciprocal(1.0f + exponential(-x)); }
 
 inline Floats silu(Floats x) { return x * sigmoid(x); }
-
-// asinh by ln(1 + u), which loses nothing where x is small; sizes above 1e18 as 1e18.
-inline Floats soft_limit(Floats x) {
-    const Floats size = at_most(x < 0.0f ? -x : x, 1e18f);
-    const Floats square = size * size;
-    const Floats u = size + square * reciprocal(1.0f + square_root(square + 1.0f));
-    const Floats w = 1.0f + u;
-    const Floats limited = logarithm(w) + (u - (w - 1.0f)) * reciprocal(w);
-    return x < 0.0f ? -limited : limited;
-}
 
 // Where other particles are, seen from one: displacement and index; `x` and so on are lists with room.
 struct Places {

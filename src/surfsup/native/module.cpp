@@ -63,7 +63,7 @@ const surfsup::Path& path_of(const std::string& name) {
     throw std::invalid_argument("this processor cannot go the path '" + name + "'");
 }
 
-// A network, and what keeps the memory of its weights.
+// A network, and what keeps the memory of its weights and tables.
 struct HeldNetwork {
     std::vector<Weight> weights;
     std::vector<Bias> biases;
@@ -71,14 +71,19 @@ struct HeldNetwork {
 };
 
 void make(HeldNetwork* network, std::tuple<Weight, Weight> encoder, std::tuple<Weight, Bias, Weight, Bias> factors,
-          const std::vector<std::tuple<Weight, Weight, Weight>>& layers, std::tuple<Weight, Weight> decoder, float radius,
-          float close, float frame_time, float reach, float displacement_scale, float velocity_scale,
-          float crowded, float position_share, float largest, const std::array<float, surfsup::KERNELS>& thickest) {
+          const std::vector<std::tuple<Weight, Weight, Weight>>& layers, std::tuple<Weight, Weight> decoder,
+          std::tuple<Bias, Bias, float, float, float> solids, float radius, float frame_time, float reach,
+          float displacement_scale, float velocity_scale, float nearness_scale, float density_scale, float own_density,
+          float densest, float sweep_time, float of_rise, float of_excess, float least, float position_share, float largest,
+          const std::array<float, surfsup::SURROUNDINGS>& thickest) {
     const auto& [factor_in, factor_in_bias, factor_out, factor_out_bias] = factors;
     expect(factor_in_bias.shape(0), factor_in.shape(0), "a bias of the factors");
     expect(factor_out_bias.shape(0), factor_out.shape(0), "a bias of the factors");
     const auto& [encode_in, encode_out] = encoder;
     const auto& [decode_in, decode_out] = decoder;
+    const auto& [density, slope, deepest, between, support] = solids;
+    expect(slope.shape(0), density.shape(0), "the slope of the solids' density");
+    if (density.shape(0) < 2) throw std::invalid_argument("the solids' density has fewer than two entries");
     std::vector<Weight> weights{encode_in, encode_out, factor_in, factor_out, decode_in, decode_out};
     std::vector<surfsup::Layer> all;
     for (const auto& [mix, own, out] : layers) {
@@ -87,25 +92,27 @@ void make(HeldNetwork* network, std::tuple<Weight, Weight> encoder, std::tuple<W
     }
     new (network) HeldNetwork{
         std::move(weights),
-        {factor_in_bias, factor_out_bias},
-        {{radius, close, frame_time, reach, displacement_scale, velocity_scale, crowded, position_share,
-          largest, thickest},
+        {factor_in_bias, factor_out_bias, density, slope},
+        {{radius, frame_time, reach, displacement_scale, velocity_scale, nearness_scale, density_scale, own_density,
+          densest, sweep_time, of_rise, of_excess, least, position_share, largest, thickest},
+         {deepest, between, support, static_cast<int>(density.shape(0)), density.data(), slope.data()},
          matrix(encode_in), matrix(encode_out), matrix(factor_in), factor_in_bias.data(), matrix(factor_out),
          factor_out_bias.data(), all, matrix(decode_in), matrix(decode_out)}};
 }
 
-int64_t step(HeldNetwork& held, Vectors velocities, Vectors ahead, Values distance, Vectors normal, Vector gravity, Vector lower, Vector upper,
+int64_t step(HeldNetwork& held, Vectors positions, Vectors velocities, Vectors ahead, Values distance, Vectors normal, Vector gravity, Vector lower, Vector upper,
           NewVectors new_positions, NewVectors new_velocities, const std::string& path, int threads, int64_t most_edges) {
     const size_t count = velocities.shape(0);
     if (count >= static_cast<size_t>(std::numeric_limits<int32_t>::max()) / 4)
         throw std::invalid_argument("there are more particles than the native step can count");
+    expect(positions.shape(0), count, "positions");
     expect(ahead.shape(0), count, "ahead");
     expect(distance.shape(0), count, "distance");
     expect(normal.shape(0), count, "normal");
     expect(new_positions.shape(0), count, "new_positions");
     expect(new_velocities.shape(0), count, "new_velocities");
     const surfsup::Path& chosen = path_of(path);
-    const surfsup::Fluid fluid{static_cast<int32_t>(count), velocities.data(), ahead.data(), distance.data(), normal.data(), gravity.data(),
+    const surfsup::Fluid fluid{static_cast<int32_t>(count), positions.data(), velocities.data(), ahead.data(), distance.data(), normal.data(), gravity.data(),
                                lower.data(), upper.data(), new_positions.data(), new_velocities.data()};
     const nb::gil_scoped_release unlocked;
     return held.network.step(fluid, chosen, threads, most_edges);
@@ -307,9 +314,10 @@ NB_MODULE(_native, module) {
         .def("look", look, array("points"), array("distance"), array("normal"), "threads"_a);
     nb::class_<HeldNetwork>(module, "Network")
         .def("__init__", make, nb::kw_only(), array("encoder"), array("factors"), array("layers"), array("decoder"),
-             "radius"_a, "close"_a, "frame_time"_a, "reach"_a, "displacement_scale"_a, "velocity_scale"_a,
-             "crowded"_a, "position_share"_a, "largest"_a, "thickest"_a)
-        .def("step", step, array("velocities"),
+             "solids"_a, "radius"_a, "frame_time"_a, "reach"_a, "displacement_scale"_a, "velocity_scale"_a,
+             "nearness_scale"_a, "density_scale"_a, "own_density"_a, "densest"_a, "sweep_time"_a, "of_rise"_a, "of_excess"_a, "least"_a, "position_share"_a, "largest"_a,
+             "thickest"_a)
+        .def("step", step, array("positions"), array("velocities"),
              array("ahead"), array("distance"), array("normal"), array("gravity"), array("lower"), array("upper"),
              array("new_positions"), array("new_velocities"), "path"_a, "threads"_a, "most_edges"_a);
 }

@@ -12,17 +12,6 @@ namespace {
 
 constexpr int MULTIPLE = 16;  // of channels: the widest path's lanes
 
-// Which column of features.py a place in a row of what acts holds: first what goes through the soft limit.
-std::vector<int> columns() {
-    std::vector<int> from(ROW, -1);
-    int place = 0;
-    for (int column = 17; column < 41; ++column) from[place++] = column;  // velocities against the own
-    place = LIMITED_ROOM;
-    for (int column = 0; column < 17; ++column) from[place++] = column;        // solid and walls
-    for (int column = 41; column < ACTIONS; ++column) from[place++] = column;  // crowding
-    return from;
-}
-
 // (outputs, inputs) -> rows of `to`: an input a row, `to_width` wide, at column `first`.
 void transpose(const Matrix& matrix, float* to, int64_t to_width, int64_t first = 0) {
     for (int64_t input = 0; input < matrix.inputs; ++input)
@@ -39,10 +28,11 @@ void expect(const Matrix& matrix, int64_t outputs, int64_t inputs, const char* n
 
 }  // namespace
 
-Network::Network(const Constants& constants, Matrix encode_in, Matrix encode_out, Matrix factor_in,
+Network::Network(const Constants& constants, const SolidDensity& solids, Matrix encode_in, Matrix encode_out, Matrix factor_in,
                  const float* factor_in_bias, Matrix factor_out, const float* factor_out_bias,
                  const std::vector<Layer>& layers, Matrix decode_in, Matrix decode_out)
     : constants_(constants),
+      solids_(solids),
       given_encode_in_(encode_in),
       given_encode_out_(encode_out),
       given_factor_in_(factor_in),
@@ -56,7 +46,7 @@ Network::Network(const Constants& constants, Matrix encode_in, Matrix encode_out
     if (own < 1 || layers.empty()) throw std::invalid_argument("a network has at least one channel and one layer");
     expect(encode_in, own, ACTIONS, "encoder.0");
     expect(encode_out, own, own, "encoder.2");
-    expect(factor_in, own, KERNELS, "factors.0");
+    expect(factor_in, own, SURROUNDINGS, "factors.0");
     expect(factor_out, 2 * own, own, "factors.2");
     expect(decode_in, own, own, "decoder.0");
     expect(decode_out, OUTPUTS, own, "decoder.2");
@@ -74,19 +64,15 @@ Network::Network(const Constants& constants, Matrix encode_in, Matrix encode_out
 
 void Network::read_weights() {
     const int64_t own = given_encode_in_.outputs, width = width_;
-    encode_in_.assign(static_cast<size_t>(ROW * width), 0.0f);
-    const std::vector<int> from = columns();
-    for (int64_t place = 0; place < ROW; ++place)
-        for (int64_t output = 0; output < own && from[place] >= 0; ++output)
-            encode_in_[static_cast<size_t>(place * width + output)] =
-                given_encode_in_.values[output * ACTIONS + from[place]];
+    encode_in_.assign(static_cast<size_t>(ACTIONS * width), 0.0f);
+    transpose(given_encode_in_, encode_in_.data(), width);
     const auto square = [&](AlignedFloats& to, const Matrix& matrix) {
         to.assign(static_cast<size_t>(width * width), 0.0f);
         transpose(matrix, to.data(), width);
     };
     square(encode_out_, given_encode_out_);
     square(decode_in_, given_decode_in_);
-    factor_in_.assign(static_cast<size_t>(KERNELS * width), 0.0f);
+    factor_in_.assign(static_cast<size_t>(SURROUNDINGS * width), 0.0f);
     transpose(given_factor_in_, factor_in_.data(), width);
     factor_in_bias_.assign(static_cast<size_t>(width), 0.0f);
     std::copy_n(given_factor_in_bias_, own, factor_in_bias_.begin());
@@ -118,15 +104,17 @@ int64_t Network::step(const Fluid& fluid, const Path& path, int threads, int64_t
     const auto count = static_cast<size_t>(fluid.count);
     if (count == 0) return 0;
     read_weights();
-    const bool finite = cells_.sort(fluid.ahead, fluid.count, constants_.radius);
+    halfway_.resize(3 * count);
+    for (size_t k = 0; k < 3 * count; ++k) halfway_[k] = 0.5f * (fluid.positions[k] + fluid.ahead[k]);
+    const bool finite = cells_.sort(halfway_.data(), fluid.count, constants_.radius);
     const int32_t* order = cells_.order();
     for (auto* sorted : {&x_, &y_, &z_}) sorted->resize(count + MULTIPLE);
     velocity_.resize(4 * count);
     for (size_t i = 0; i < count; ++i) {
         const size_t caller = static_cast<size_t>(order[i]);
-        x_[i] = fluid.ahead[3 * caller];
-        y_[i] = fluid.ahead[3 * caller + 1];
-        z_[i] = fluid.ahead[3 * caller + 2];
+        x_[i] = halfway_[3 * caller];
+        y_[i] = halfway_[3 * caller + 1];
+        z_[i] = halfway_[3 * caller + 2];
         for (size_t axis = 0; axis < 3; ++axis) velocity_[4 * i + axis] = fluid.velocities[3 * caller + axis];
         velocity_[4 * i + 3] = 1.0f;
     }
@@ -134,10 +122,17 @@ int64_t Network::step(const Fluid& fluid, const Path& path, int threads, int64_t
     for (auto* values : {&factors_, &hidden_[0], &hidden_[1]}) values->resize(cells);
     for (auto& values : told_) values.resize(count * static_cast<size_t>(messages_));
     edges_.resize(count);
+    sweeps_.resize(count);
+    faster_.resize(4 * count);
+    taken_.resize(count);
+    const size_t with_room = count + static_cast<size_t>(path.rows);
+    acts_.resize(with_room * ACTIONS);
+    lie_.resize(with_room * SURROUNDINGS);
 
     Frame frame{};
     frame.count = fluid.count;
     frame.constants = constants_;
+    frame.solids = solids_;
     frame.weights = {width_, messages_, layers_, encode_in_.data(), encode_out_.data(), factor_in_.data(),
                      factor_in_bias_.data(), factor_out_.data(), factor_out_bias_.data(), mix_.data(), out_.data(),
                      decode_in_.data(), decode_out_.data()};
@@ -145,7 +140,7 @@ int64_t Network::step(const Fluid& fluid, const Path& path, int threads, int64_t
     frame.order = order;
     frame.x = x_.data(), frame.y = y_.data(), frame.z = z_.data();
     frame.velocity = velocity_.data();
-    frame.velocities = fluid.velocities;
+    frame.positions = fluid.positions, frame.velocities = fluid.velocities;
     frame.ahead = fluid.ahead, frame.distance = fluid.distance, frame.normal = fluid.normal;
     for (int axis = 0; axis < 3; ++axis) {
         frame.gravity[axis] = fluid.gravity[axis];
@@ -154,6 +149,8 @@ int64_t Network::step(const Fluid& fluid, const Path& path, int threads, int64_t
     }
     frame.new_positions = fluid.new_positions, frame.new_velocities = fluid.new_velocities;
     frame.edges = edges_.data();
+    frame.acts = acts_.data(), frame.lie = lie_.data();
+    frame.sweeps = sweeps_.data(), frame.faster = faster_.data(), frame.taken = taken_.data();
     frame.factors = factors_.data();
     for (int which = 0; which < 2; ++which) {
         frame.hidden[which] = hidden_[which].data();
@@ -171,11 +168,21 @@ int64_t Network::step(const Fluid& fluid, const Path& path, int threads, int64_t
     in_parallel(most, fluid.count, portion, [&](int thread, int32_t begin, int32_t end) {
         if (!enough || edges > most_edges) return;
         const auto t = static_cast<size_t>(thread);
-        const int64_t found = path.look(frame, begin, end, arenas_[t], scratch_[t].data());
+        const int64_t found = path.look(frame, begin, end, arenas_[t]);
         found < 0 ? void(enough = false) : void(edges += found);
     });
     if (!enough) throw std::bad_alloc();
     if (edges > most_edges) return edges;
+    for (int step = 0; step < SWEEP_STEPS; ++step) {
+        if (step > 0)
+            in_parallel(most, fluid.count, portion, [&](int, int32_t begin, int32_t end) { path.press(frame, step, false, begin, end); });
+        in_parallel(most, fluid.count, portion, [&](int, int32_t begin, int32_t end) { path.push(frame, false, begin, end); });
+        in_parallel(most, fluid.count, portion, [&](int, int32_t begin, int32_t end) { path.press(frame, step, true, begin, end); });
+        in_parallel(most, fluid.count, portion, [&](int, int32_t begin, int32_t end) { path.push(frame, true, begin, end); });
+    }
+    in_parallel(most, fluid.count, portion, [&](int thread, int32_t begin, int32_t end) {
+        path.encode(frame, begin, end, scratch_[static_cast<size_t>(thread)].data());
+    });
     for (int number = 0; number < layers_; ++number)
         in_parallel(most, fluid.count, portion, [&](int thread, int32_t begin, int32_t end) {
             path.layer(frame, number, begin, end, scratch_[static_cast<size_t>(thread)].data());

@@ -26,7 +26,7 @@ struct Layer {
 // The fluid and what is around it; all but the three vectors are (count, 3), `distance` is (count).
 struct Fluid {
     int32_t count;
-    const float *velocities, *ahead, *distance, *normal;
+    const float *positions, *velocities, *ahead, *distance, *normal;
     const float *gravity, *lower, *upper;
     float *new_positions, *new_velocities;
 };
@@ -35,9 +35,9 @@ class Network {
 public:
     // The weights are read anew in every step, so they must stay where they are, and may change in between.
     // Throws std::invalid_argument where sizes do not fit.
-    Network(const Constants& constants, Matrix encode_in, Matrix encode_out, Matrix factor_in, const float* factor_in_bias,
-            Matrix factor_out, const float* factor_out_bias, const std::vector<Layer>& layers, Matrix decode_in,
-            Matrix decode_out);
+    Network(const Constants& constants, const SolidDensity& solids, Matrix encode_in, Matrix encode_out, Matrix factor_in,
+            const float* factor_in_bias, Matrix factor_out, const float* factor_out_bias, const std::vector<Layer>& layers,
+            Matrix decode_in, Matrix decode_out);
 
     // One frame by `path` on up to `threads` threads. Returns the number of edges; with more than `most_edges` it
     // stops there, and where a place ahead is not finite it returns -1. Throws std::bad_alloc.
@@ -47,6 +47,7 @@ private:
     void read_weights();
 
     Constants constants_;
+    SolidDensity solids_;
     Matrix given_encode_in_, given_encode_out_, given_factor_in_, given_factor_out_, given_decode_in_, given_decode_out_;
     const float *given_factor_in_bias_, *given_factor_out_bias_;
     std::vector<Layer> given_layers_;
@@ -57,8 +58,9 @@ private:
     // Kept from step to step; a second caller waits.
     std::mutex stepping_;
     CellList cells_;
-    AlignedFloats x_, y_, z_, velocity_, factors_, hidden_[2], told_[2];
+    AlignedFloats halfway_, x_, y_, z_, velocity_, acts_, lie_, faster_, taken_, factors_, hidden_[2], told_[2];
     std::vector<Edges> edges_;
+    std::vector<Sweep> sweeps_;
     std::vector<Arena> arenas_;
     std::vector<AlignedFloats> scratch_;
 };

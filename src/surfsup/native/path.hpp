@@ -60,100 +60,48 @@ inline void product(const float* a, int64_t a_row, int depth, const float* w, in
     product(a, a_row, depth, w, columns, columns, use);
 }
 
-// Sums over neighbours of VECTORS vectors of what they tell, for every kernel apart, `row` floats from one neighbour, and
-// from one kernel, to the next.
-constexpr int GATHERED = 2;  // vectors at once
+constexpr int GATHERED = 2;  // vectors of channels that are summed together: a kernel is spread over a vector once for both
 
-#if defined(__AVX512F__)
-// Eight sums of two vectors fit the 32 registers.
+// Sums over neighbours of VECTORS vectors of what they tell, for every kernel apart, `row` floats from one neighbour,
+// and from one kernel, to the next.
 template <int VECTORS>
 inline void gather(const Edges& edges, const float* told, int row, float* to) {
-    Floats sums[KERNELS][VECTORS];
-#pragma GCC unroll 8
-    for (int m = 0; m < KERNELS; ++m)
+    // Some neighbours at a time, each to sums of its own: four sums alone would wait for each other's additions.
+    Floats sums[AT_ONCE][KERNELS][VECTORS];
 #pragma GCC unroll 2
-        for (int v = 0; v < VECTORS; ++v) sums[m][v] = Floats{};
-    const int64_t near = edges.near, all = edges.all;
-    const float *wide = edges.kernels, *close = wide + 4 * all;
-    for (int64_t e = 0; e < near; ++e) {
+    for (int s = 0; s < AT_ONCE; ++s)
+#pragma GCC unroll 4
+        for (int m = 0; m < KERNELS; ++m)
+#pragma GCC unroll 2
+            for (int v = 0; v < VECTORS; ++v) sums[s][m][v] = Floats{};
+    const int64_t count = edges.count;
+    const auto add = [&](int64_t e, Floats(&to_these)[KERNELS][VECTORS]) {
         const float* from = told + static_cast<int64_t>(edges.senders[e]) * row;
         Floats values[VECTORS];
 #pragma GCC unroll 2
         for (int v = 0; v < VECTORS; ++v) values[v] = load(from + v * LANES);
 #pragma GCC unroll 4
-        for (int m = 0; m < 4; ++m) {
-            const Floats of_wide = splat(wide[m * all + e]), of_close = splat(close[m * near + e]);
+        for (int m = 0; m < KERNELS; ++m) {
+            const Floats weight = splat(edges.kernels[m * count + e]);
 #pragma GCC unroll 2
-            for (int v = 0; v < VECTORS; ++v) {
-                sums[WIDE_KERNELS[m]][v] += of_wide * values[v];
-                sums[CLOSE_KERNELS[m]][v] += of_close * values[v];
-            }
-        }
-    }
-    // Two at a time, each to sums of its own: four sums alone would wait for each other's additions.
-    Floats others[4][VECTORS];
-#pragma GCC unroll 4
-    for (int m = 0; m < 4; ++m)
-#pragma GCC unroll 2
-        for (int v = 0; v < VECTORS; ++v) others[m][v] = Floats{};
-    const auto add = [&](int64_t e, auto&& sum_of) {
-        const float* from = told + static_cast<int64_t>(edges.senders[e]) * row;
-#pragma GCC unroll 2
-        for (int v = 0; v < VECTORS; ++v) {
-            const Floats value = load(from + v * LANES);
-#pragma GCC unroll 4
-            for (int m = 0; m < 4; ++m) sum_of(m)[v] += splat(wide[m * all + e]) * value;
+            for (int v = 0; v < VECTORS; ++v) to_these[m][v] += weight * values[v];
         }
     };
-    int64_t e = near;
-    for (; e + 2 <= all; e += 2) {
-        add(e, [&](int m) -> Floats(&)[VECTORS] { return sums[WIDE_KERNELS[m]]; });
-        add(e + 1, [&](int m) -> Floats(&)[VECTORS] { return others[m]; });
-    }
-    if (e < all) add(e, [&](int m) -> Floats(&)[VECTORS] { return others[m]; });
-#pragma GCC unroll 4
-    for (int m = 0; m < 4; ++m)
+    int64_t e = 0;
+    for (; e + AT_ONCE <= count; e += AT_ONCE)
 #pragma GCC unroll 2
-        for (int v = 0; v < VECTORS; ++v) sums[WIDE_KERNELS[m]][v] += others[m][v];
-#pragma GCC unroll 8
+        for (int s = 0; s < AT_ONCE; ++s) add(e + s, sums[s]);
+    if (e < count) add(e, sums[0]);
+#pragma GCC unroll 4
     for (int m = 0; m < KERNELS; ++m)
 #pragma GCC unroll 2
-        for (int v = 0; v < VECTORS; ++v) store(to + m * row + v * LANES, sums[m][v]);
-}
-#else
-// Four sums of two vectors fit the 16 registers, so the two windows take turns.
-template <int VECTORS>
-inline void gather_window(const float* kernels, const int (&which)[4], const int32_t* senders, int64_t count,
-                          const float* told, int row, float* to) {
-    Floats sums[4][VECTORS];
-#pragma GCC unroll 4
-    for (int m = 0; m < 4; ++m)
+        for (int v = 0; v < VECTORS; ++v) {
+            Floats sum = sums[0][m][v];
 #pragma GCC unroll 2
-        for (int v = 0; v < VECTORS; ++v) sums[m][v] = Floats{};
-    for (int64_t e = 0; e < count; ++e) {
-        const float* from = told + static_cast<int64_t>(senders[e]) * row;
-        Floats values[VECTORS];
-#pragma GCC unroll 2
-        for (int v = 0; v < VECTORS; ++v) values[v] = load(from + v * LANES);
-#pragma GCC unroll 4
-        for (int m = 0; m < 4; ++m) {
-            const Floats weight = splat(kernels[m * count + e]);
-#pragma GCC unroll 2
-            for (int v = 0; v < VECTORS; ++v) sums[m][v] += weight * values[v];
+            for (int s = 1; s < AT_ONCE; ++s) sum += sums[s][m][v];
+            store(to + m * row + v * LANES, sum);
         }
-    }
-#pragma GCC unroll 4
-    for (int m = 0; m < 4; ++m)
-#pragma GCC unroll 2
-        for (int v = 0; v < VECTORS; ++v) store(to + which[m] * row + v * LANES, sums[m][v]);
 }
-
-template <int VECTORS>
-inline void gather(const Edges& edges, const float* told, int row, float* to) {
-    gather_window<VECTORS>(edges.kernels, WIDE_KERNELS, edges.senders, edges.all, told, row, to);
-    gather_window<VECTORS>(edges.kernels + 4 * edges.all, CLOSE_KERNELS, edges.senders, edges.near, told, row, to);
-}
-#endif
 
 inline int32_t wrapped(int32_t cell, int32_t size) { return cell < 0 ? cell + size : cell >= size ? cell - size : cell; }
 
@@ -171,12 +119,12 @@ inline bool make_room(Arena& arena, int64_t count, Places& places) {
 }
 
 // What a thread needs to look for neighbours: all that is in the 27 cells around one, and for each row of a block those of
-// it within the radius, and these again, near ones first.
+// it within the radius.
 struct Search {
     int32_t cell = 0;  // that was seen last, counted from one
     int64_t count = 0, room = 0;
-    Places candidates{}, within[ROWS]{}, sorted[ROWS]{};
-    int64_t found[ROWS]{}, near[ROWS]{}, row_room[ROWS]{};
+    Places candidates{}, within[ROWS]{};
+    int64_t found[ROWS]{}, row_room[ROWS]{};
 };
 
 // Copies what is in the cells around `cell`, filled up to whole vectors by what is infinitely far.
@@ -228,17 +176,18 @@ inline bool see_cell(const Frame& frame, int32_t cell, Search& search, Arena& ar
     return true;
 }
 
-// The four kernels of a window that ends at `reach`, each a list of `count` edges. Whole vectors are stored: what spills
-// over a list's end is overwritten by what comes there, and behind the last list there must be room for a vector.
-inline void kernels_of(const Frame& frame, const Places& edges, int64_t count, float reach, float* to) {
-    const float scale = 1.0f / frame.constants.radius, to_reach = 1.0f / reach;
+// The four kernels of convolution.py, each a list of `count` edges. Whole vectors are stored: what spills over a list's end
+// is overwritten by what comes there, and behind the last list there must be room for a vector.
+inline void kernels_of(const Frame& frame, const Places& edges, int64_t count, float* to) {
+    const float scale = 1.0f / frame.constants.radius;
     // The last vector, which spills, comes first.
-    for (int64_t e = (count + LANES - 1) / LANES * LANES - LANES; e >= 0; e -= LANES) {
+    for (int64_t e = (count - 1) / LANES * LANES; e >= 0; e -= LANES) {
         const Floats x = load(edges.x + e) * scale, y = load(edges.y + e) * scale, z = load(edges.z + e) * scale;
         const Floats distance = square_root(x * x + y * y + z * z);
-        const Floats window = at_least(1.0f - distance * to_reach, 0.0f);
-        const Floats along = window * reciprocal(at_least(distance, 1e-6f));
-        store(to + e, window * window);
+        const Floats whole = at_least(1.0f - distance, 0.0f), inner = at_least(0.5f - distance, 0.0f);
+        const Floats of_whole = whole * whole, of_inner = 4.0f * inner * inner;
+        const Floats along = 3.0f * (of_whole - of_inner) * reciprocal(at_least(distance, 1e-6f));
+        store(to + e, 2.0f * (of_whole * whole - of_inner * inner));
         store(to + count + e, along * x);
         store(to + 2 * count + e, along * y);
         store(to + 3 * count + e, along * z);
@@ -249,8 +198,7 @@ inline void kernels_of(const Frame& frame, const Places& edges, int64_t count, f
 inline bool find_within(const Frame& frame, int32_t i, float radius, int row, Search& search, Arena& arena) {
     if (search.row_room[row] < search.room) {
         search.row_room[row] = search.room;
-        if (!make_room(arena, search.room, search.within[row]) || !make_room(arena, search.room, search.sorted[row]))
-            return false;
+        if (!make_room(arena, search.room, search.within[row])) return false;
     }
     const Floats px = splat(frame.x[i]), py = splat(frame.y[i]), pz = splat(frame.z[i]);
     int64_t found = 0;
@@ -265,55 +213,44 @@ inline bool find_within(const Frame& frame, int32_t i, float radius, int row, Se
     return true;
 }
 
-// Brings what was found for a row into order, near ones first.
-inline void sort_edges(const Frame& frame, int row, Search& search) {
-    const float close = frame.constants.radius * frame.constants.close;
-    const int64_t edges = search.found[row];
-    const Places &all = search.within[row], &sorted = search.sorted[row];
-    Ints lane;
-#pragma GCC unroll 16
-    for (int l = 0; l < LANES; ++l) lane[l] = l;
-    int64_t length = 0;
-    for (int which = 0; which < 2; ++which) {
-        for (int64_t e = 0; e < edges; e += LANES) {
-            const Floats x = load(all.x + e), y = load(all.y + e), z = load(all.z + e);
-            const Ints near = x * x + y * y + z * z < close * close;
-            const Ints valid = lane < static_cast<int32_t>(edges - e < LANES ? edges - e : LANES);
-            length = append(sorted, length, valid & (which == 0 ? near : ~near), x, y, z, load_ints(all.index + e));
-        }
-        if (which == 0) search.near[row] = length;
-    }
-}
-
 // The neighbours of a sorted particle, which is a row of the search, and their kernels.
-inline bool keep_edges(const Frame& frame, int32_t i, int row, const Search& search, Arena& arena) {
-    const Places& sorted = search.sorted[row];
-    const int64_t edges = search.found[row], nears = search.near[row];
-    const int64_t floats = 4 * (edges + nears);
-    auto* memory = static_cast<float*>(take(arena, 4 * (floats + edges + LANES)));
+inline bool keep_edges(const Frame& frame, int32_t i, int row, Search& search, Arena& arena) {
+    const Places& within = search.within[row];
+    const int64_t edges = search.found[row];
+    auto* memory = static_cast<float*>(take(arena, 4 * ((KERNELS + 1) * edges + LANES)));
     if (!memory) return false;
-    auto* senders = reinterpret_cast<int32_t*>(memory + floats);
-    kernels_of(frame, sorted, edges, 1.0f, memory);
-    kernels_of(frame, sorted, nears, frame.constants.close, memory + 4 * edges);
-    std::memcpy(senders, sorted.index, 4 * static_cast<size_t>(edges));
-    frame.edges[i] = {memory, senders, static_cast<int32_t>(nears), static_cast<int32_t>(edges)};
+    auto* senders = reinterpret_cast<int32_t*>(memory + KERNELS * edges);
+    kernels_of(frame, within, edges, memory);
+    std::memcpy(senders, within.index, 4 * static_cast<size_t>(edges));
+    frame.edges[i] = {memory, senders, static_cast<int32_t>(edges)};
     return true;
 }
 
-// For every kernel the sum over neighbours of (velocity, 1).
-inline void sum_velocities(const Frame& frame, const Edges& edges, FourFloats (&sums)[KERNELS]) {
-    for (auto& sum : sums) sum = FourFloats{};
-    const int64_t near = edges.near, all = edges.all;
-    const float *wide = edges.kernels, *close = wide + 4 * all;
-    const auto velocity = [&](int64_t e) { return load_four(frame.velocity + 4 * static_cast<int64_t>(edges.senders[e])); };
-    for (int64_t e = 0; e < all; ++e) {
-        const FourFloats value = velocity(e);
-        for (int m = 0; m < 4; ++m) sums[WIDE_KERNELS[m]] += wide[m * all + e] * value;
+// The four sums over neighbours of (velocity, 1), and that of the squared slopes.
+inline float sum_velocities(const Frame& frame, const Edges& edges, FourFloats* sums) {
+    float squares = 0.0f;
+    const int64_t count = edges.count;
+    for (int64_t e = 0; e < count; ++e) {
+        const FourFloats value = load_four(frame.velocity + 4 * static_cast<int64_t>(edges.senders[e]));
+        for (int m = 0; m < KERNELS; ++m) {
+            const float kernel = edges.kernels[m * count + e];
+            sums[m] += kernel * value;
+            if (m > 0) squares += kernel * kernel;
+        }
     }
-    for (int64_t e = 0; e < near; ++e) {
-        const FourFloats value = velocity(e);
-        for (int m = 0; m < 4; ++m) sums[CLOSE_KERNELS[m]] += close[m * near + e] * value;
-    }
+    return squares;
+}
+
+// What a flat solid at a distance adds to density, and minus its slope a support radius; NaN stays NaN.
+inline void add_solid(const SolidDensity& solids, float distance, float& density, float& slope) {
+    slope = 0.0f;
+    const float place = (distance - solids.deepest) * (1.0f / solids.step);
+    if (place >= static_cast<float>(solids.entries - 1)) return;
+    const float at = place < 0.0f ? 0.0f : place;
+    const int low = at == at ? static_cast<int>(at) : 0;
+    const float part = at - static_cast<float>(low);
+    density += solids.density[low] * (1.0f - part) + solids.density[low + 1] * part;
+    slope = solids.slope[low] * (1.0f - part) + solids.slope[low + 1] * part;
 }
 
 // 1 at contact, 0 from the reach on, at most 2 inside; NaN stays NaN.
@@ -322,41 +259,180 @@ inline float nearness(const Frame& frame, float distance) {
     return value < 0.0f ? 0.0f : value > 2.0f ? 2.0f : value;
 }
 
-// What acts on a sorted particle (ROW), its soft limit still to be taken, and how its neighbours lie (8); the order is that of `columns` in network.hpp.
-inline void observe(const Frame& frame, int32_t i, float* acts, float* lie) {
+// What solid and walls add to density at a place, and its slope a metre, as in sweeps.py.
+inline float of_solids(const Frame& frame, int64_t caller, const float* place, float* slope) {
+    const float* normal = frame.normal + 3 * caller;
+    const float *from = frame.positions + 3 * caller, *ahead = frame.ahead + 3 * caller;
+    float away = 0.0f, back = 0.0f, density = 0.0f, of_solid;
+    for (int axis = 0; axis < 3; ++axis) {
+        const float halfway = 0.5f * (from[axis] + ahead[axis]);
+        back += (halfway - ahead[axis]) * normal[axis];
+        away += (place[axis] - halfway) * normal[axis];
+    }
+    add_solid(frame.solids, frame.distance[caller] + back + away, density, of_solid);
+    for (int axis = 0; axis < 3; ++axis) {
+        float of_lower, of_upper;
+        add_solid(frame.solids, place[axis] - frame.lower[axis], density, of_lower);
+        add_solid(frame.solids, frame.upper[axis] - place[axis], density, of_upper);
+        slope[axis] = (of_upper - of_lower - of_solid * normal[axis]) / frame.solids.support;
+    }
+    return density;
+}
+
+inline float dot(const float* a, const float* b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
+
+inline float at_least_none(float value) { return value < 0.0f ? 0.0f : value; }
+
+// What of a step's sweep takes from rising density, and all that stays the same in it.
+inline void begin_step(const Frame& frame, int32_t i, int step) {
+    const Constants& c = frame.constants;
+    Sweep& sweep = frame.sweeps[i];
+    const int64_t caller = frame.order[i];
+    const float *velocity = frame.velocities + 3 * caller, *from = frame.positions + 3 * caller, *faster = frame.faster + 4 * static_cast<int64_t>(i);
+    const float time = c.sweep_time, gone = static_cast<float>(step) * time;
+    float speed[3];
+    for (int axis = 0; axis < 3; ++axis) speed[axis] = velocity[axis] + gone * frame.gravity[axis] + faster[axis];
+    sweep.density = sweep.fluid;
+    if (sweep.near_solids) {
+        float place[3], later[3], unused[3];
+        for (int axis = 0; axis < 3; ++axis) {
+            const float fallen = gone * frame.gravity[axis];
+            place[axis] = from[axis] + gone * (velocity[axis] + 0.5f * (time * frame.gravity[axis] + fallen)) + sweep.farther[axis];
+            later[axis] = place[axis] + 0.5f * time * speed[axis];
+        }
+        sweep.density += of_solids(frame, caller, place, unused);
+        of_solids(frame, caller, later, sweep.slope_of_solids);
+    }
+    for (int axis = 0; axis < 3; ++axis) sweep.slope[axis] = sweep.slope_of_fluid[axis] + sweep.slope_of_solids[axis];
+    const float size = dot(sweep.slope, sweep.slope) + sweep.stiffness;
+    sweep.ease = size > c.least ? 1.0f / size : size != size ? size : 0.0f;
+    if (step == 0) sweep.allowed = sweep.density < 1.0f ? 1.0f : sweep.density;
+    frame.taken[i] = at_least_none(c.of_rise * sweep.ease * (sweep.rising + dot(sweep.slope_of_solids, speed)));
+}
+
+// Where no solid can be felt in the frame: it is farther away than a particle that something stops suddenly goes.
+inline bool may_feel_solids(const Frame& frame, int64_t caller) {
+    const float *velocity = frame.velocities + 3 * caller, *ahead = frame.ahead + 3 * caller;
+    const float reach = frame.solids.support + frame.constants.frame_time * 2.0f * __builtin_sqrtf(dot(velocity, velocity)) + 0.03f;
+    bool far = frame.distance[caller] > reach;
+    for (int axis = 0; axis < 3; ++axis) far = far && ahead[axis] - frame.lower[axis] > reach && frame.upper[axis] - ahead[axis] > reach;
+    return !far;
+}
+
+// What acts on a sorted particle but for the sweeps, how its neighbours lie, as in features.py, and what sweeps begin with.
+inline void observe(const Frame& frame, int32_t i) {
     const Constants& c = frame.constants;
     const int64_t caller = frame.order[i];
     const float *velocity = frame.velocities + 3 * caller, *ahead = frame.ahead + 3 * caller;
     const float* normal = frame.normal + 3 * caller;
-    FourFloats sums[KERNELS];
-    sum_velocities(frame, frame.edges[i], sums);
+    float *acts = frame.acts + static_cast<int64_t>(i) * ACTIONS, *lie = frame.lie + static_cast<int64_t>(i) * SURROUNDINGS;
+    FourFloats sums[KERNELS] = {};
+    const float squares = sum_velocities(frame, frame.edges[i], sums);
+
+    const float to_velocity = 1.0f / c.velocity_scale, to_nearness = 1.0f / c.nearness_scale, to_density = 1.0f / c.density_scale;
+    const float near_solid = nearness(frame, frame.distance[caller]);
+    float solid = 0.0f, of_solid, into_solids[3];
+    add_solid(frame.solids, frame.distance[caller], solid, of_solid);
+    acts[6] = near_solid * to_nearness;
+    for (int axis = 0; axis < 3; ++axis) acts[7 + axis] = near_solid * to_nearness * normal[axis];
+    acts[10] = near_solid * dot(velocity, normal) * to_velocity;
+    for (int axis = 0; axis < 3; ++axis) {
+        const float to_lower = ahead[axis] - frame.lower[axis], to_upper = frame.upper[axis] - ahead[axis];
+        const float low = nearness(frame, to_lower), high = nearness(frame, to_upper);
+        acts[11 + axis] = low * to_nearness;
+        acts[14 + axis] = high * to_nearness;
+        acts[17 + axis] = low * velocity[axis] * to_velocity;
+        acts[20 + axis] = high * -velocity[axis] * to_velocity;
+        float of_lower, of_upper;
+        add_solid(frame.solids, to_lower, solid, of_lower);
+        add_solid(frame.solids, to_upper, solid, of_upper);
+        into_solids[axis] = of_upper - of_lower - of_solid * normal[axis];
+    }
     for (int m = 0; m < KERNELS; ++m) {
         lie[m] = sums[m][3];
-        for (int axis = 0; axis < 3; ++axis)
-            acts[3 * m + axis] = (sums[m][axis] - lie[m] * velocity[axis]) * (c.frame_time / c.displacement_scale);
+        for (int axis = 0; axis < 3; ++axis) acts[23 + 3 * m + axis] = (sums[m][axis] - lie[m] * velocity[axis]) * to_velocity;
     }
-    for (int column = LIMITED; column < LIMITED_ROOM; ++column) acts[column] = 0.0f;
+    lie[4] = squares;
+    lie[5] = solid;
 
-    float* rest = acts + LIMITED_ROOM;
-    const float near_solid = nearness(frame, frame.distance[caller]);
-    const float from_solid = velocity[0] * normal[0] + velocity[1] * normal[1] + velocity[2] * normal[2];
-    rest[0] = near_solid;
-    for (int axis = 0; axis < 3; ++axis) rest[1 + axis] = near_solid * normal[axis];
-    rest[4] = near_solid * from_solid * (1.0f / c.velocity_scale);
-    for (int axis = 0; axis < 3; ++axis) {
-        const float low = nearness(frame, ahead[axis] - frame.lower[axis]);
-        const float high = nearness(frame, frame.upper[axis] - ahead[axis]);
-        rest[5 + axis] = low;
-        rest[8 + axis] = high;
-        rest[11 + axis] = low * velocity[axis] * (1.0f / c.velocity_scale);
-        rest[14 + axis] = high * -velocity[axis] * (1.0f / c.velocity_scale);
+    const float own = c.own_density, scale = 2.0f * own / c.radius;
+    float rise = 0.0f;
+    for (int axis = 0; axis < 3; ++axis) rise -= sums[1 + axis][axis] - lie[1 + axis] * velocity[axis];
+    rise *= scale;
+    const float half = 0.5f * c.frame_time * rise, over = own * (1.0f + lie[0]) + half + solid - 1.0f, most = c.densest - 1.0f;
+    acts[35] = (over < 0.0f ? 0.0f : over > most ? most : over) * to_density;
+    acts[36] = (rise + dot(into_solids, velocity) / frame.solids.support) * c.frame_time * to_density;
+
+    Sweep& sweep = frame.sweeps[i];
+    sweep = {};
+    for (int axis = 0; axis < 3; ++axis) sweep.slope_of_fluid[axis] = scale * lie[1 + axis];
+    sweep.stiffness = scale * scale * squares;
+    sweep.rise = sweep.rising = rise;
+    sweep.fluid = own * (1.0f + lie[0]) - half;
+    sweep.near_solids = may_feel_solids(frame, caller);
+    store(frame.faster + 4 * static_cast<int64_t>(i), FourFloats{});
+    begin_step(frame, i, 0);
+    for (int m = 0; m < SURROUNDINGS; ++m) {
+        const float thickest = c.thickest[m];
+        lie[m] = lie[m] > thickest ? thickest : lie[m] < -thickest ? -thickest : lie[m];
     }
-    const float crowding = lie[1] - c.crowded < 0.0f ? 0.0f : lie[1] - c.crowded;
-    rest[17] = crowding;
-    for (int axis = 0; axis < 3; ++axis) rest[18 + axis] = crowding * lie[5 + axis];
-    for (int m = 0; m < KERNELS; ++m) {
-        const float most = c.thickest[m];
-        lie[m] = lie[m] > most ? most : lie[m] < -most ? -most : lie[m];
+}
+
+// Velocities by the pressures of all.
+void push(const Frame& frame, bool last_of_step, int32_t begin, int32_t end) {
+    const Constants& c = frame.constants;
+    const float scale = 2.0f * c.own_density / c.radius;
+    for (int32_t i = begin; i < end; ++i) {
+        const Edges& edges = frame.edges[i];
+        const int64_t count = edges.count;
+        const float* kernels = edges.kernels;
+        float x = 0.0f, y = 0.0f, z = 0.0f;
+        for (int64_t e = 0; e < count; ++e) {
+            const float taken = frame.taken[edges.senders[e]];
+            x += taken * kernels[count + e];
+            y += taken * kernels[2 * count + e];
+            z += taken * kernels[3 * count + e];
+        }
+        Sweep& sweep = frame.sweeps[i];
+        float* faster = frame.faster + 4 * static_cast<int64_t>(i);
+        const float sums[3] = {x, y, z}, own = frame.taken[i];
+        for (int axis = 0; axis < 3; ++axis) {
+            faster[axis] -= own * sweep.slope[axis] + scale * sums[axis];
+            if (last_of_step) sweep.farther[axis] += c.sweep_time * faster[axis];
+        }
+    }
+}
+
+// Pressures by the velocities of all: against what would be too dense at the step's end, or those that the next step, number
+// `step`, begins with.
+void press(const Frame& frame, int step, bool excess, int32_t begin, int32_t end) {
+    const Constants& c = frame.constants;
+    const float scale = 2.0f * c.own_density / c.radius;
+    for (int32_t i = begin; i < end; ++i) {
+        const Edges& edges = frame.edges[i];
+        const int64_t count = edges.count;
+        const float* kernels = edges.kernels;
+        float x = 0.0f, y = 0.0f, z = 0.0f;
+        for (int64_t e = 0; e < count; ++e) {
+            const float* of_sender = frame.faster + 4 * static_cast<int64_t>(edges.senders[e]);
+            x += of_sender[0] * kernels[count + e];
+            y += of_sender[1] * kernels[2 * count + e];
+            z += of_sender[2] * kernels[3 * count + e];
+        }
+        Sweep& sweep = frame.sweeps[i];
+        const float* faster = frame.faster + 4 * static_cast<int64_t>(i);
+        sweep.rising = sweep.rise + (dot(sweep.slope_of_fluid, faster) - scale * (x + y + z));
+        if (excess) {
+            const float* velocity = frame.velocities + 3 * static_cast<int64_t>(frame.order[i]);
+            float speed[3];
+            for (int axis = 0; axis < 3; ++axis)
+                speed[axis] = velocity[axis] + static_cast<float>(step + 1) * c.sweep_time * frame.gravity[axis] + faster[axis];
+            const float too_much = (sweep.density - sweep.allowed) / c.sweep_time + sweep.rising + dot(sweep.slope_of_solids, speed);
+            frame.taken[i] = at_least_none(c.of_excess * sweep.ease * too_much);
+        } else {
+            sweep.fluid += c.sweep_time * sweep.rising;
+            begin_step(frame, i, step);
+        }
     }
 }
 
@@ -376,11 +452,11 @@ ALWAYS_INLINE void fetch(const void* from, int64_t bytes) {
 ALWAYS_INLINE void fetch_ahead(const Frame& frame, int32_t i, const float* told, int messages) {
     if (i + EDGES_AHEAD < frame.count) {
         const Edges& edges = frame.edges[i + EDGES_AHEAD];
-        fetch(edges.kernels, 4 * (4 * (edges.all + edges.near) + edges.all));  // and behind them the neighbours
+        fetch(edges.kernels, 4 * (KERNELS + 1) * static_cast<int64_t>(edges.count));  // and behind them the neighbours
     }
     if (i + HIDDEN_AHEAD < frame.count) {
         const Edges& edges = frame.edges[i + HIDDEN_AHEAD];
-        for (int32_t e = 0; e < edges.all; ++e)
+        for (int32_t e = 0; e < edges.count; ++e)
             fetch(told + static_cast<int64_t>(edges.senders[e]) * messages, 4 * static_cast<int64_t>(messages));
     }
 }
@@ -401,10 +477,7 @@ inline void keep_hidden(const Frame& frame, int which, int64_t i, int column, Fl
     if (column < messages) store(frame.told[which] + i * messages + column, values);
 }
 
-int64_t look(const Frame& frame, int32_t begin, int32_t end, Arena& arena, float* scratch) {
-    const Weights& w = frame.weights;
-    const int width = w.width;
-    float *acts = scratch, *lie = acts + ROWS * ROW, *one = lie + ROWS * KERNELS, *factors = one + ROWS * width;
+int64_t look(const Frame& frame, int32_t begin, int32_t end, Arena& arena) {
     Search search;
     int64_t edges = 0;
     for (int32_t block = begin; block < end; block += ROWS) {
@@ -416,22 +489,36 @@ int64_t look(const Frame& frame, int32_t begin, int32_t end, Arena& arena, float
             if (!find_within(frame, i, frame.constants.radius, row, search, arena)) return -1;
         }
         // One thing after the other for all rows: what has only just been written piece by piece cannot be read at once.
-        for (int row = 0; row < here; ++row) sort_edges(frame, row, search);
         for (int row = 0; row < here; ++row) {
             if (!keep_edges(frame, block + row, row, search, arena)) return -1;
             edges += search.found[row];
         }
-        for (int row = 0; row < here; ++row) observe(frame, block + row, acts + row * ROW, lie + row * KERNELS);
+        for (int row = 0; row < here; ++row) observe(frame, block + row);
+    }
+    return edges;
+}
+
+void encode(const Frame& frame, int32_t begin, int32_t end, float* scratch) {
+    const Weights& w = frame.weights;
+    const Constants& c = frame.constants;
+    const int width = w.width;
+    float *one = scratch, *factors = one + ROWS * width;
+    for (int32_t block = begin; block < end; block += ROWS) {
+        const int here = end - block < ROWS ? end - block : ROWS;
+        float* acts = frame.acts + static_cast<int64_t>(block) * ACTIONS;
+        const float* lie = frame.lie + static_cast<int64_t>(block) * SURROUNDINGS;
         for (int row = 0; row < here; ++row)
-            for (float* limited = acts + row * ROW; limited < acts + row * ROW + LIMITED_ROOM; limited += LANES)
-                store(limited, soft_limit(load(limited)));
-        product(lie, KERNELS, KERNELS, w.factor_in, width, [&](int row, int column, Floats sum) {
+            for (int axis = 0; axis < 3; ++axis) {
+                acts[row * ACTIONS + axis] = frame.faster[4 * static_cast<int64_t>(block + row) + axis] / c.velocity_scale;
+                acts[row * ACTIONS + 3 + axis] = frame.sweeps[block + row].farther[axis] / (c.frame_time * c.velocity_scale);
+            }
+        product(lie, SURROUNDINGS, SURROUNDINGS, w.factor_in, width, [&](int row, int column, Floats sum) {
             store(one + row * width + column, silu(sum + load(w.factor_in_bias + column)));
         });
         product(one, width, width, w.factor_out, 2 * width, [&](int row, int column, Floats sum) {
             store(factors + row * 2 * width + column, 1.0f + (sum + load(w.factor_out_bias + column)));
         });
-        product(acts, ROW, ROW, w.encode_in, width, [&](int row, int column, Floats sum) {
+        product(acts, ACTIONS, ACTIONS, w.encode_in, width, [&](int row, int column, Floats sum) {
             store(one + row * width + column, silu(sum));
         });
         product(one, width, width, w.encode_out, width, [&](int row, int column, Floats sum) {
@@ -442,10 +529,9 @@ int64_t look(const Frame& frame, int32_t begin, int32_t end, Arena& arena, float
             store(frame.factors + at, load(factor + width));
         });
     }
-    return edges;
 }
 
-// The network's answer for a sorted particle, added to ballistic motion.
+// The network's answer for a sorted particle, added to what the sweeps have made.
 inline void advance(const Frame& frame, int32_t i, float* out) {
     const Constants& c = frame.constants;
     const int64_t caller = frame.order[i];
@@ -458,8 +544,9 @@ inline void advance(const Frame& frame, int32_t i, float* out) {
     const float share = square > c.largest * c.largest ? c.largest / __builtin_sqrtf(square) : 1.0f;
     for (int axis = 0; axis < 3; ++axis) {
         const int64_t at = 3 * caller + axis;
-        frame.new_positions[at] = frame.ahead[at] + c.displacement_scale * share * position[axis];
-        frame.new_velocities[at] = frame.velocities[at] + c.frame_time * frame.gravity[axis] +
+        const float faster = frame.faster[4 * static_cast<int64_t>(i) + axis], farther = frame.sweeps[i].farther[axis];
+        frame.new_positions[at] = frame.ahead[at] + farther + c.displacement_scale * share * position[axis];
+        frame.new_velocities[at] = frame.velocities[at] + c.frame_time * frame.gravity[axis] + faster +
                                    c.displacement_scale / c.frame_time * share * velocity[axis];
     }
 }
@@ -517,8 +604,8 @@ void layer(const Frame& frame, int number, int32_t begin, int32_t end, float* sc
 
 int64_t scratch(const Frame& frame) {
     const int64_t width = frame.weights.width;
-    const int64_t to_look = ROW + KERNELS + 3 * width, to_layer = KERNELS * frame.weights.messages + (1 + 1 + 2) * width + OUTPUT_ROOM;
-    return ROWS * (to_look > to_layer ? to_look : to_layer);
+    const int64_t to_encode = 3 * width, to_layer = KERNELS * frame.weights.messages + (1 + 1 + 2) * width + OUTPUT_ROOM;
+    return ROWS * (to_encode > to_layer ? to_encode : to_layer);
 }
 
 }  // namespace

@@ -6,6 +6,7 @@
 
 namespace surfsup {
 static bool supported() { return true; }
-const Path plain = {"plain", supported, PATH::ROWS, PATH::scratch, PATH::look, PATH::layer,
+const Path plain = {"plain", supported, PATH::ROWS, PATH::scratch, PATH::look, PATH::push, PATH::press,
+                    PATH::encode, PATH::layer,
                      PATH::convolve, PATH::convolve_back, PATH::weigh, PATH::within, sizeof(PATH::Search), PATH::distance};
 }  // namespace surfsup

@@ -21,7 +21,7 @@ struct Tree {
     int32_t root;
 };
 
-// Neighbours as torch keeps them: the edges of particle i are starts[i] up to starts[i + 1], eight kernels an edge.
+// Neighbours as torch keeps them: the edges of particle i are starts[i] up to starts[i + 1], four kernels an edge.
 // With every edge there is its reverse, whose kernels differ in the sign of all but the first two.
 struct Sparse {
     int32_t count;

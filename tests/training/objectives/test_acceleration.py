@@ -77,7 +77,17 @@ def test_squeezing_costs_what_the_phase_weighs_it(run, data):
         run.model.advance(s, run.model.predict(run.model.observe(s, w.around)))[0]
         for s, w in zip(states, windows, strict=True)
     ]
-    squeezed = torch.stack([density_loss(places, neighbourhood(places.detach(), 0.061)) for places in reached]).mean()
+    squeezed = torch.stack(
+        [
+            density_loss(
+                places,
+                neighbourhood(places.detach(), 0.061),
+                window.around.distance_and_normal(places)[0],
+                window.around,
+            )
+            for places, window in zip(reached, windows, strict=True)
+        ]
+    ).mean()
     assert squeezed > 0.01
     torch.testing.assert_close(dear - plain, 2 * squeezed, rtol=1e-3, atol=1e-4)
 

@@ -26,8 +26,9 @@ SURE = torch.ones(1)  # every particle is where the truth has it
 
 
 def seen_by(simulator: Simulator):
-    state = State(torch.rand(20, 3) * 0.2 + 0.3, torch.randn(20, 3))
-    return simulator.observe(state, AROUND)
+    """Particles so far apart that nothing acts: what is reached without the network is ballistic motion."""
+    places = torch.cartesian_prod(*[0.1 * torch.arange(3)] * 3)[:20] + torch.tensor([0.0, 0.0, 0.5])
+    return simulator.observe(State(places, torch.randn(20, 3)), AROUND)
 
 
 def test_the_wanted_correction_leads_to_the_truth_and_costs_nothing():

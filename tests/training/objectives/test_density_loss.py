@@ -2,8 +2,18 @@ import torch
 
 from surfsup.datasets.density import number_density
 from surfsup.model.neighbours import neighbourhood
+from surfsup.model.solid_density import solid_density
+from surfsup.model.state import Surroundings
 from surfsup.scene import SPACING
+from surfsup.sdf import Sphere
 from surfsup.training.objectives.density_loss import SQUEEZED, density_loss, lattice_density
+
+FAR = Surroundings(None, torch.tensor([-5.0, -5.0, -5.0]), torch.tensor([5.0, 5.0, 5.0]), torch.zeros(3))
+
+
+def loss_of(positions: torch.Tensor, around: Surroundings = FAR) -> torch.Tensor:
+    near = neighbourhood(positions.detach().float(), 0.061)
+    return density_loss(positions, near, around.distance_and_normal(positions)[0], around)
 
 
 def lattice(count: int, spacing: float = SPACING) -> torch.Tensor:
@@ -21,7 +31,7 @@ def test_density_is_that_of_the_data_sets_checks():
 def test_water_on_its_lattice_or_thinner_costs_nothing():
     for spacing in (SPACING, 1.1 * SPACING):
         positions = lattice(5, spacing)
-        assert density_loss(positions, neighbourhood(positions.float(), 0.061)) < 1e-3
+        assert loss_of(positions) < 1e-3
 
 
 def test_squeezed_water_costs_the_square_of_its_excess():
@@ -29,15 +39,25 @@ def test_squeezed_water_costs_the_square_of_its_excess():
     dense = torch.from_numpy(number_density(positions.T.numpy()))
     expected = ((dense - 1).clamp(min=0) / SQUEEZED).square().mean()
     assert expected > 1
-    loss = density_loss(positions, neighbourhood(positions.float(), 0.061))
+    loss = loss_of(positions)
     torch.testing.assert_close(loss, expected, rtol=1e-6, atol=0)
 
 
 def test_the_density_loss_has_the_gradients_of_finite_differences_even_where_particles_meet():
     positions = lattice(2, 0.02) + 1e-3 * torch.randn(8, 3, generator=torch.Generator().manual_seed(0)).double()
-    near = neighbourhood(positions.float(), 0.061)
     positions = positions.detach().requires_grad_()
-    assert torch.autograd.gradcheck(lambda places: density_loss(places, near), positions)
+    assert torch.autograd.gradcheck(loss_of, positions)
     together = torch.zeros(20, 3, requires_grad=True)
-    density_loss(together, neighbourhood(together.detach(), 0.061)).backward()
+    loss_of(together).backward()
     assert torch.isfinite(together.grad).all()
+
+
+def test_solids_and_walls_add_to_density():
+    one = torch.tensor([[0.0, 0.0, 0.32]], dtype=torch.float64)
+    beside_a_ball = Surroundings(Sphere(0.3), FAR.lower, FAR.upper, FAR.gravity)
+    on_the_floor = Surroundings(None, torch.tensor([-5.0, -5.0, 0.3]), FAR.upper, FAR.gravity)
+    added = solid_density(torch.tensor(0.02, dtype=torch.float64))[0]
+    for around in (beside_a_ball, on_the_floor):
+        expected = ((1 / torch.pi + added - 1) / SQUEEZED).square()
+        torch.testing.assert_close(loss_of(one, around), expected, rtol=1e-4, atol=0)
+    assert loss_of(one) == 0

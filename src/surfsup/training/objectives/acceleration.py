@@ -89,6 +89,8 @@ class AccelerationObjective(Objective):
             loss = (torch.where(near, NEAR_WEIGHT, 1.0) * error).mean()
             if phase.density > 0:
                 positions = reached[-1][0]
-                loss = loss + phase.density * density_loss(positions, neighbourhood(positions, SUPPORT))
+                distance, _ = window.around.distance_and_normal(positions)
+                near_each_other = neighbourhood(positions, SUPPORT)
+                loss = loss + phase.density * density_loss(positions, near_each_other, distance, window.around)
             errors.append(StepErrors(loss, mean_where(error, near), mean_where(error, ~near)))
         return errors, reached

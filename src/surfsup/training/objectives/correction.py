@@ -11,7 +11,7 @@ from torch import Tensor
 from surfsup.model.convolution import Graph
 from surfsup.model.correction import POSITION_SHARE, Correction
 from surfsup.model.simulator import Observation, Simulator, join_observations
-from surfsup.model.state import FRAME_TIME, State
+from surfsup.model.state import FRAME_TIME, State, Surroundings
 from surfsup.training.config import Phase
 from surfsup.training.objectives.correction_loss import (
     NEAR_SURFACE,
@@ -53,7 +53,7 @@ class CorrectionObjective(Objective):
             wanted = wanted_correction(view, window.frame(number), (true_positions, true_velocities))
             with torch.no_grad():
                 sure = weight_of(view.state.positions - window.frame(number)[0])
-                near = window.around.distance_and_normal(view.ahead)[0] < NEAR_SURFACE
+                near = view.distance < NEAR_SURFACE
             loss = motion_loss(correction, wanted, near, sure)
             if phase.energy > 0:
                 shift = torch.from_numpy(random.uniform(0, 1, 3).astype(np.float32)).to(near.device)
@@ -64,10 +64,16 @@ class CorrectionObjective(Objective):
             if phase.calm > 0:
                 loss = loss + phase.calm * calm_loss(correction, wanted, sure)
             if phase.density > 0:
-                loss = loss + phase.density * density_loss(reached[-1][0], view.graph.neighbourhood)
+                loss = loss + phase.density * squeezed(view, reached[-1][0], window.around)
             error = squared_error(correction, wanted)
             errors.append(StepErrors(loss, mean_where(error, near), mean_where(error, ~near)))
         return errors, reached
+
+
+def squeezed(view: Observation, positions: Tensor, around: Surroundings) -> Tensor:
+    """The density loss of the ``positions`` (N, 3) that were reached; the solid is taken for flat on the way there."""
+    farther = ((positions - view.ahead) * view.normal).sum(dim=-1)
+    return density_loss(positions, view.graph.neighbourhood, view.distance + farther, around)
 
 
 def with_fixed_graph(seen: Observation) -> Observation:

@@ -37,8 +37,8 @@ def wanted_correction(seen: Observation, before: Frame, after: Frame) -> Correct
     off = (seen.state.velocities - before[1]).detach()
     goal = after[0] + strayed - RETURN * at_most(strayed, FARTHEST)
     velocities = after[1] + off - at_most(off, FASTEST)
-    gained = velocities - seen.state.velocities - FRAME_TIME * seen.gravity
-    return Correction(gained * FRAME_TIME / DISPLACEMENT_SCALE, (goal - seen.ahead) / DISPLACEMENT_SCALE)
+    missing = velocities - seen.speeds
+    return Correction(missing * FRAME_TIME / DISPLACEMENT_SCALE, (goal - seen.places) / DISPLACEMENT_SCALE)
 
 
 def motion_loss(predicted: Correction, wanted: Correction, near: Tensor, sure: Tensor) -> Tensor:

@@ -6,24 +6,30 @@ import torch
 from torch import Tensor
 
 from surfsup.model.neighbours import Neighbourhood
+from surfsup.model.solid_density import solid_density
+from surfsup.model.state import Surroundings
 from surfsup.scene import SPACING
 
 SQUEEZED = 0.03  # of the lattice's density: some of what a frame's correction can change
 
 
-def density_loss(positions: Tensor, near: Neighbourhood) -> Tensor:
+def density_loss(positions: Tensor, near: Neighbourhood, distance: Tensor, around: Surroundings) -> Tensor:
     """How far the fluid is squeezed beyond the density that the solver never lets it exceed.
 
     The solver's pressure holds every particle at or below the lattice's density, in every frame (measured: 1.000 is
-    the highest). A model that is nearly right in each frame drifts above that in hundreds, and nothing in a single
-    frame's error tells it so.
+    the highest far from solids, 1.04 near them, where they are taken for flat). A model that is nearly right in each
+    frame drifts above that in hundreds, and nothing in a single frame's error tells it so.
 
     Args:
         positions: (N, 3) predicted, metres.
         near: at least all pairs within the kernel's support, for positions about these.
+        distance: (N,) of the positions from the solid, metres.
+        around: container.
     """
     apart = positions.index_select(0, near.senders) - positions.index_select(0, near.receivers)
     density = lattice_density(apart.square().sum(dim=-1), near)
+    to_walls = torch.cat([positions - around.lower, around.upper - positions], dim=-1)
+    density = density + solid_density(torch.cat([distance[:, None], to_walls], dim=-1))[0].sum(dim=-1)
     return ((density - 1).clamp(min=0) / SQUEEZED).square().mean()
 
 

@@ -1,0 +1,100 @@
+import pytest
+import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from surfsup.model.convolution import graph, kernel_sums
+from surfsup.model.features import own_density, squares
+from surfsup.model.neighbours import neighbourhood
+from surfsup.model.solid_density import SUPPORT
+from surfsup.model.state import FRAME_TIME, State, Surroundings
+from surfsup.model.sweeps import OF_RISE, sweep
+from surfsup.scene import SPACING
+from surfsup.sdf import Sphere, Surface
+
+RADIUS = SUPPORT
+NO_GRAVITY = torch.zeros(3, dtype=torch.float64)
+
+
+def around(surface: Surface | None = None, gravity: torch.Tensor = NO_GRAVITY) -> Surroundings:
+    corner = torch.full((3,), 5.0, dtype=torch.float64)
+    return Surroundings(surface, -corner, corner, gravity)
+
+
+def swept(state: State, place: Surroundings) -> tuple[torch.Tensor, torch.Tensor]:
+    """What is added to velocities and places."""
+    ahead = state.ballistic(place.gravity)[0]
+    distance, normal = place.distance_and_normal(ahead)
+    halfway = 0.5 * (state.positions + ahead)
+    seen = graph(halfway, neighbourhood(halfway, RADIUS), RADIUS)
+    sums = kernel_sums(torch.cat([state.velocities, torch.ones_like(ahead[:, :1])], dim=-1), seen)
+    there = distance + ((halfway - ahead) * normal).sum(dim=-1)
+    stiffness = squares(seen)[:, 0]
+    return sweep(state, halfway, there, normal, place, seen, sums, stiffness, own_density(RADIUS), RADIUS)
+
+
+def lattice(side: int) -> torch.Tensor:
+    return torch.cartesian_prod(*[SPACING * torch.arange(side, dtype=torch.float64)] * 3)
+
+
+def stirred(side: int, seed: int = 0, speed: float = 1.0) -> State:
+    random = torch.Generator().manual_seed(seed)
+    places = lattice(side) + 0.003 * torch.randn(side**3, 3, generator=random, dtype=torch.float64)
+    return State(places, speed * torch.randn(side**3, 3, generator=random, dtype=torch.float64))
+
+
+def test_a_free_fall_stays_one_exactly():
+    velocities = torch.tensor([0.3, -0.2, -2.0], dtype=torch.float64).expand(64, 3)
+    faster, farther = swept(State(lattice(4), velocities), around(gravity=torch.tensor([0.0, 0.0, -9.81]).double()))
+    assert faster.abs().max() < 1e-12
+    assert farther.abs().max() < 1e-12
+
+
+def test_what_flies_apart_is_let_go():
+    places = lattice(3)
+    state = State(places, 5.0 * (places - places.mean(dim=0)))
+    assert not torch.cat(swept(state, around())).any()
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.integers(0, 10_000), st.sampled_from([0.1, 1.0, 4.0]))
+def test_particles_push_each_other_equally(seed, speed):
+    faster, _ = swept(stirred(4, seed, speed), around())
+    assert faster.abs().max() > 1e-3 * speed
+    torch.testing.assert_close(faster.sum(dim=0), torch.zeros(3, dtype=torch.float64), atol=1e-10, rtol=0)
+
+
+def test_two_that_meet_lose_some_of_the_velocity_at_which_they_do_and_nothing_else():
+    """What is right at a solid is too much for two: they part at some of it."""
+    places = torch.tensor([[0.0, 0.0, 0.0], [0.03, 0.0, 0.0]], dtype=torch.float64)
+    velocities = torch.tensor([[0.5, 0.2, 0.0], [-0.5, 0.2, 0.0]], dtype=torch.float64)
+    faster, _ = swept(State(places, velocities), around())
+    after = velocities + faster
+    assert abs(after[0, 0]) < 0.7 * velocities[0, 0]
+    torch.testing.assert_close(after[0, 0], -after[1, 0])
+    torch.testing.assert_close(after[:, 1], velocities[:, 1])  # not that across
+
+
+@pytest.mark.parametrize("speed", [0.2, 1.0, 3.0])
+def test_a_particle_alone_at_a_solid_keeps_only_what_sweeps_leave_of_its_way_in(speed):
+    state = State(
+        torch.tensor([[0.0, 0.0, 0.345]], dtype=torch.float64),
+        torch.tensor([[0.4, 0.0, -speed]], dtype=torch.float64),
+    )
+    faster, farther = swept(state, around(Sphere(0.3).double()))
+    left = (1 - OF_RISE) ** 2
+    assert faster[0, 2] == pytest.approx(speed * (1 - left), rel=0.05)
+    assert 0 < farther[0, 2] < FRAME_TIME * speed
+
+
+def test_beyond_its_reach_a_solid_stops_nothing():
+    state = State(torch.tensor([[0.0, 0.0, 0.4]]).double(), torch.tensor([[0.0, 0.0, -3.0]]).double())
+    assert not torch.cat(swept(state, around(Sphere(0.3).double()))).any()
+
+
+def test_they_have_the_gradients_of_finite_differences():
+    state = stirred(2, seed=3)
+    place = around(Sphere(0.3).double())
+    places = state.positions + torch.tensor([0.0, 0.0, 0.33], dtype=torch.float64)
+    inputs = places.requires_grad_(), state.velocities.requires_grad_()
+    assert torch.autograd.gradcheck(lambda x, v: swept(State(x, v), place), inputs, eps=1e-7, atol=1e-3, rtol=1e-3)
