@@ -9,9 +9,8 @@ import torch
 from torch import Tensor
 
 from surfsup.model.convolution import KERNELS, Graph, kernel_sums
-from surfsup.model.solid_density import SUPPORT, solid_density
 from surfsup.model.state import FRAME_TIME, State, Surroundings
-from surfsup.model.sweeps import sweep
+from surfsup.model.sweeps import of_solids, sweep
 from surfsup.scene import SPACING
 
 # Metres beyond which a solid is not felt: the support of the solver's kernel, four particle radii. Told of what is
@@ -74,8 +73,7 @@ def observe_features(
     """
     near_solid = nearness(distance)[:, None]
     from_solid = (state.velocities * normal).sum(dim=-1, keepdim=True)
-    to_walls = torch.cat([ahead - around.lower, around.upper - ahead], dim=-1)
-    walls = nearness(to_walls)
+    walls = nearness(torch.cat([ahead - around.lower, around.upper - ahead], dim=-1))
     from_walls = torch.cat([state.velocities, -state.velocities], dim=-1)
     sums = kernel_sums(torch.cat([state.velocities, torch.ones_like(near_solid)], dim=-1), graph)
     lie = sums[:, :, 3]
@@ -83,11 +81,10 @@ def observe_features(
     stiffness = squares(graph)
 
     own = own_density(radius)
-    solid, slopes = solid_density(torch.cat([distance[:, None], to_walls], dim=-1))
-    solid = solid.sum(dim=-1, keepdim=True)
-    into_solids = slopes[:, 4:7] - slopes[:, 1:4] - slopes[:, :1] * normal
+    solid, slope_of_solids = of_solids(ahead, ahead, distance, normal, around)
+    solid = solid[:, None]
     from_neighbours = -2 * own * against[:, 1:4].diagonal(dim1=1, dim2=2).sum(dim=-1, keepdim=True) / radius
-    rate = from_neighbours + (into_solids * state.velocities).sum(dim=-1, keepdim=True) / SUPPORT  # 1/s
+    rate = from_neighbours + (slope_of_solids * state.velocities).sum(dim=-1, keepdim=True)  # 1/s
     above = own * (1 + lie[:, :1]) + FRAME_TIME / 2 * from_neighbours + solid - 1
 
     halfway = 0.5 * (state.positions + ahead)

@@ -2,7 +2,7 @@
 
 The solver's solids are volume maps (Bender et al., "Volume Maps: An Implicit Boundary Representation for SPH", 2019):
 the solid's share V of a particle's neighbourhood, times the smoothing kernel at its nearest point. Of a flat solid both
-follow from the distance alone. So at a bent one, an edge and in a corner it is off, by a tenth to a third.
+follow from the distance alone. So at a bent one it is off by up to a tenth, at edges by a third and more.
 """
 
 from __future__ import annotations

@@ -84,10 +84,13 @@ def sweep(
 
 
 def of_solids(
-    place: Tensor, halfway: Tensor, distance: Tensor, normal: Tensor, around: Surroundings
+    place: Tensor, looked: Tensor, distance: Tensor, normal: Tensor, around: Surroundings
 ) -> tuple[Tensor, Tensor]:
-    """What solid and walls add to density (N,) at a ``place`` (N, 3), and its slope (N, 3) there, a metre."""
-    away = ((place - halfway) * normal).sum(dim=-1)
+    """What solid and walls add to density (N,) at a ``place`` (N, 3), and its slope (N, 3) there, a metre.
+
+    The solid is known by its ``distance`` (N,) and ``normal`` (N, 3) at the places ``looked`` at (N, 3).
+    """
+    away = ((place - looked) * normal).sum(dim=-1)
     all_of_them = torch.cat([(distance + away)[:, None], place - around.lower, around.upper - place], dim=-1)
     density, slope = solid_density(all_of_them)
     return density.sum(dim=-1), (slope[:, 4:7] - slope[:, 1:4] - slope[:, :1] * normal) / SUPPORT
