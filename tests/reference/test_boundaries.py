@@ -29,11 +29,20 @@ def test_walls_are_felt_from_both_sides():
     assert (made.volumes[made.distances <= 0] > 0.3e-3).all()
 
 
+def test_cells_end_at_all_walls_so_that_all_corners_are_alike():
+    container = Container(size=(1.23, 1.48, 0.97))
+    made = wall_map(container)
+    for wall in (container.lower, container.upper):
+        cells = (wall - made.lower) / made.cell
+        np.testing.assert_allclose(cells, np.round(cells), atol=1e-9)
+    np.testing.assert_allclose(made.cell, 0.05, rtol=0.05)
+
+
 def test_a_map_of_a_huge_solid_ends_a_little_beyond_the_container():
     container = Container()
     made = surface_map(Transformed(Box((9.0, 9.0, 0.6))), container)
-    assert made.resolution[0] * made.cell < container.size[0] + 0.3
-    assert made.resolution[2] * made.cell < 0.6
+    assert made.resolution[0] * made.cell[0] < container.size[0] + 0.3
+    assert made.resolution[2] * made.cell[2] < 0.6
 
 
 def test_of_a_bound_the_true_distance_is_taken():

@@ -11,7 +11,7 @@ from surfsup.sdf import Sphere
 
 @pytest.fixture(scope="module")
 def ball():
-    return volume_map(Sphere(0.1), np.full(3, -0.2), np.full(3, 0.2), 0.05)
+    return volume_map(Sphere(0.1), np.full(3, -0.2), np.full(3, 0.2), np.full(3, 0.05))
 
 
 def test_the_solver_is_asked_for_what_the_paper_used():

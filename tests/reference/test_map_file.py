@@ -6,7 +6,7 @@ from surfsup.sdf import Sphere
 
 
 def test_the_file_is_laid_out_as_discregrid_reads_it(tmp_path):
-    made = volume_map(Sphere(0.1), np.array([-0.2, -0.25, -0.2]), np.array([0.2, 0.25, 0.3]), 0.05)
+    made = volume_map(Sphere(0.1), np.array([-0.2, -0.25, -0.2]), np.array([0.2, 0.25, 0.3]), np.full(3, 0.05))
     write_map(tmp_path / "ball.cdm", made)
     data = (tmp_path / "ball.cdm").read_bytes()
     place = 0

@@ -6,7 +6,7 @@ from surfsup.errors import InputError
 from surfsup.reference.volume_map import SUPPORT_RADIUS, VOLUME_FACTOR, kernel_share, volume_map
 from surfsup.sdf import Box, CappedCone, Sphere, Surface, Transformed
 
-CELL = 0.025
+CELL = np.full(3, 0.025)
 LOWER, UPPER = np.full(3, -0.2), np.full(3, 0.2)
 
 
@@ -83,8 +83,30 @@ def test_deep_inside_a_solid_the_whole_ball_counts():
     np.testing.assert_allclose(made.volumes[deep], whole, rtol=1e-2)
 
 
+def test_volumes_are_right_of_a_solid_that_fills_half_of_the_map_too():
+    """A large mean is what single precision could be wrong by, and then everywhere."""
+    ground = Transformed(Box((4.0, 4.0, 2.0)), translation=(0.0, 0.0, -1.0))
+    made = volume_map(ground, LOWER, UPPER, CELL)
+    positions = node_positions(made)
+    whole = 4 / 3 * np.pi * SUPPORT_RADIUS**3
+    for height in (0.025, 0.05, 0.075):
+        node = np.flatnonzero(np.isclose(positions[:, 2], height))[0]
+        assert made.volumes[node] == pytest.approx(integral(ground, positions[node]), abs=0.002 * whole)
+
+
+def test_cells_may_have_sides_of_different_lengths():
+    cell = np.array([0.025, 0.03, 0.02])
+    made = volume_map(SOLIDS["ball"], LOWER, UPPER, cell)
+    positions = node_positions(made)
+    exact = SOLIDS["ball"].distance(torch.from_numpy(positions)).numpy()
+    np.testing.assert_allclose(made.distances, exact, atol=1e-6)
+    node = np.flatnonzero((made.distances > 0.02) & (made.distances < 0.03))[0]
+    whole = 4 / 3 * np.pi * SUPPORT_RADIUS**3
+    assert made.volumes[node] == pytest.approx(integral(SOLIDS["ball"], positions[node]), abs=0.004 * whole)
+
+
 def test_a_box_of_no_whole_cells_is_widened_upward():
-    made = volume_map(Sphere(0.1), np.full(3, -0.21), np.array([0.2, 0.21, 0.22]), 0.05)
+    made = volume_map(Sphere(0.1), np.full(3, -0.21), np.array([0.2, 0.21, 0.22]), np.full(3, 0.05))
     np.testing.assert_array_equal(made.resolution, [9, 9, 9])
     np.testing.assert_allclose(made.lower, -0.21)
 

@@ -8,11 +8,10 @@ import numpy as np
 from torch import Tensor
 
 from surfsup.reference.volume_map import SUPPORT_RADIUS, VolumeMap, volume_map
-from surfsup.scene import Container, Scene
+from surfsup.scene import WALL_CELL, Container, Scene
 from surfsup.sdf import Box, MeshSurface, Surface, Transformed, polygonise
 
 SURFACE_CELL = 0.025  # metres
-WALL_CELL = 0.05  # flat walls need no finer map
 BEYOND = 0.1  # metres that a map reaches past the walls, so that a particle which slips through is brought back
 MESH_RESOLUTION = 160  # cells of the triangles of a solid whose own value is only a bound
 
@@ -45,9 +44,10 @@ def boundaries(scene: Scene, surface: Surface | None) -> list[VolumeMap]:
 
 @lru_cache(maxsize=4)
 def wall_map(container: Container) -> VolumeMap:
-    """The map of the container's walls."""
-    margin = np.full(3, 2 * WALL_CELL)
-    return volume_map(Walls(container), container.lower - margin, container.upper + margin, WALL_CELL)
+    """The map of the container's walls, whose cells end at all of them: so all corners are alike."""
+    size = np.asarray(container.size)
+    cell = size / np.maximum(1, np.round(size / WALL_CELL))
+    return volume_map(Walls(container), container.lower - 2 * cell, container.upper + 2 * cell, cell)
 
 
 def surface_map(surface: Surface, container: Container) -> VolumeMap:
@@ -64,4 +64,4 @@ def surface_map(surface: Surface, container: Container) -> VolumeMap:
     reach = SUPPORT_RADIUS + SURFACE_CELL
     lower = np.maximum(lower - reach, np.asarray(container.lower) - BEYOND)
     upper = np.minimum(upper + reach, np.asarray(container.upper) + BEYOND)
-    return volume_map(felt, lower, upper, SURFACE_CELL)
+    return volume_map(felt, lower, upper, np.full(3, SURFACE_CELL))

@@ -25,7 +25,7 @@ def write_map(path: Path, volume_map: VolumeMap) -> None:
     with path.open("wb") as file:
         file.write(np.concatenate([lower, lower + resolution * cell]).astype(np.float64).tobytes())
         file.write(resolution.astype(np.uint32).tobytes())
-        file.write(np.full(3, cell).tobytes() + np.full(3, 1 / cell).tobytes())
+        file.write(cell.tobytes() + (1 / cell).tobytes())
         file.write(counts(len(places), FIELDS))
         file.write(counts(FIELDS))
         for values in fields:

@@ -21,6 +21,7 @@ from surfsup.sdf import Surface
 SUPPORT_RADIUS = 4 * PARTICLE_RADIUS  # metres: the reach of the solver's smoothing kernel
 VOLUME_FACTOR = 0.8  # of the solver's volume maps
 NODES_A_SIDE = 3  # lattice steps a cell: two inner nodes on every edge
+SLOW = 0.1  # a wave's phase over the support radius up to which its series is the better way
 CHUNK = 250_000  # points a query, which bounds the memory of the surface's own intermediate tensors
 
 # The 32 nodes of a cubic serendipity cell in lattice steps from its lowest corner, in the order of Discregrid: the
@@ -38,7 +39,7 @@ class VolumeMap:
 
     Attributes:
         lower: the box's lowest corner (3,), metres.
-        cell: side of the cubic cells, metres.
+        cell: sides of a cell (3,), metres.
         resolution: cells along x, y and z (3,).
         kept: numbers (M,) of the cells that have nodes; x runs fastest.
         nodes: (M, 32) which nodes a kept cell has.
@@ -47,7 +48,7 @@ class VolumeMap:
     """
 
     lower: np.ndarray
-    cell: float
+    cell: np.ndarray
     resolution: np.ndarray
     kept: np.ndarray
     nodes: np.ndarray
@@ -55,14 +56,14 @@ class VolumeMap:
     volumes: np.ndarray
 
 
-def volume_map(surface: Surface, lower: np.ndarray, upper: np.ndarray, cell: float) -> VolumeMap:
-    """The map of ``surface`` in the box from ``lower`` to ``upper`` (3,), in cells of about ``cell`` metres.
+def volume_map(surface: Surface, lower: np.ndarray, upper: np.ndarray, cell: np.ndarray) -> VolumeMap:
+    """The map of ``surface`` in the box from ``lower`` to ``upper`` (3,), in cells of the sides ``cell`` (3,).
 
     Args:
         surface: its value outside must be the distance, and may be less than it only inside.
         lower: lowest corner of the box in metres; it must reach a support radius beyond where particles go.
         upper: highest corner; moved outward to whole cells.
-        cell: side of a cell, metres.
+        cell: sides of a cell, metres.
 
     Raises:
         InputError: the surface has no point in the box.
@@ -70,12 +71,12 @@ def volume_map(surface: Surface, lower: np.ndarray, upper: np.ndarray, cell: flo
     if (upper <= lower).any():
         raise nothing_to_feel()
     resolution = np.ceil((upper - lower) / cell - 1e-6).astype(int)
-    around = int(np.ceil(SUPPORT_RADIUS / cell))  # cells beyond the box which the integral reaches into
+    around = np.ceil(SUPPORT_RADIUS / cell).astype(int)  # cells beyond the box which the integral reaches into
     padded = resolution + 2 * around
     start = lower - around * cell
     middles = distance_at(surface, start + cell * (indices_of(np.arange(padded.prod()), padded) + 0.5))
     # Whatever the distance at its middle, within a cell it changes by no more than the way to the corner.
-    reach = cell * np.sqrt(3) / 2
+    reach = np.linalg.norm(cell) / 2
     near = np.abs(middles) < SUPPORT_RADIUS + reach
     if not near.any():
         raise nothing_to_feel()
@@ -88,7 +89,7 @@ def volume_map(surface: Surface, lower: np.ndarray, upper: np.ndarray, cell: flo
     places, nodes = np.unique(np.ravel_multi_index(tuple(steps.reshape(-1, 3).T), distances.shape), return_inverse=True)
     return VolumeMap(
         lower=np.asarray(lower, dtype=np.float64),
-        cell=cell,
+        cell=np.asarray(cell, dtype=np.float64),
         resolution=resolution,
         kept=inside_box @ np.array([1, resolution[0], resolution[0] * resolution[1]]),
         nodes=nodes.reshape(-1, len(NODES_OF_CELL)),
@@ -116,7 +117,7 @@ def distance_at(surface: Surface, points: np.ndarray) -> np.ndarray:
 
 
 def lattice_distances(
-    surface: Surface, start: np.ndarray, cell: float, cells: np.ndarray, middles: np.ndarray, near: np.ndarray
+    surface: Surface, start: np.ndarray, cell: np.ndarray, cells: np.ndarray, middles: np.ndarray, near: np.ndarray
 ) -> np.ndarray:
     """Distances (X, Y, Z) on the lattice of all possible nodes, exact in the cells that are ``near``.
 
@@ -125,7 +126,7 @@ def lattice_distances(
     Args:
         surface: the solid.
         start: lowest corner of the grid.
-        cell: side of a cell, metres.
+        cell: sides of a cell (3,), metres.
         cells: how many along x, y and z.
         middles: distance at the middle of every cell, x fastest.
         near: whether the surface is close, for every cell.
@@ -145,24 +146,25 @@ def lattice_distances(
     return lattice
 
 
-def solid_around(distances: np.ndarray, spacing: float) -> np.ndarray:
+def solid_around(distances: np.ndarray, spacing: np.ndarray) -> np.ndarray:
     """The volume (X, Y, Z) in m³ that the solver sees within a support radius of every lattice point.
 
-    Inside the solid counts whole; outside less and less, as the smoothing kernel falls off with the distance.
+    Inside the solid counts whole; outside less and less, as the smoothing kernel falls off with the distance. The
+    points are ``spacing`` (3,) metres apart.
     The integral over a ball is a product in Fourier space, where the ball is known in closed form.
     """
     weight = kernel_share(distances)
-    reach = int(np.ceil(SUPPORT_RADIUS / spacing))
+    reach = np.ceil(SUPPORT_RADIUS / spacing).astype(int)
     # What lies beyond the lattice is like its edge, and the room must be wide enough for the ball not to wrap around.
-    padded = np.pad(weight, reach, mode="edge")
+    padded = np.pad(weight, reach[:, None], mode="edge")
     shape = [fft.next_fast_len(side, real=True) for side in padded.shape]
     # Single precision is four times as fast as double, and off by a millionth of the largest volume.
-    x, y = (2 * np.pi * fft.fftfreq(side, spacing).astype(np.float32) for side in shape[:2])
-    z = 2 * np.pi * fft.rfftfreq(shape[2], spacing).astype(np.float32)
+    x, y = (2 * np.pi * fft.fftfreq(shape[axis], spacing[axis]).astype(np.float32) for axis in (0, 1))
+    z = 2 * np.pi * fft.rfftfreq(shape[2], spacing[2]).astype(np.float32)
     frequency = np.sqrt(x[:, None, None] ** 2 + y[:, None] ** 2 + z**2)
     spectrum = fft.rfftn(padded, shape) * ball_spectrum(frequency)
     whole = fft.irfftn(spectrum, shape)
-    inner = tuple(slice(reach, reach + side) for side in distances.shape)
+    inner = tuple(slice(before, before + side) for before, side in zip(reach, distances.shape, strict=True))
     largest = 4 / 3 * np.pi * SUPPORT_RADIUS**3
     return VOLUME_FACTOR * whole[inner].clip(0, largest)
 
@@ -175,5 +177,9 @@ def kernel_share(distances: np.ndarray) -> np.ndarray:
 
 def ball_spectrum(frequency: np.ndarray) -> np.ndarray:
     """Fourier transform of a ball of the support radius at angular ``frequency`` (rad/m), in m³."""
-    reach = np.maximum(frequency * SUPPORT_RADIUS, 1e-3)
-    return 4 * np.pi * SUPPORT_RADIUS**3 * (np.sin(reach) - reach * np.cos(reach)) / reach**3
+    reach = frequency * SUPPORT_RADIUS
+    # Of slow waves little is left of the difference, in single precision nothing: that would add a few hundredths of the
+    # ball to every volume.
+    whole = np.maximum(reach, SLOW)
+    share = np.where(reach < SLOW, 1 / 3 - reach**2 / 30, (np.sin(whole) - whole * np.cos(whole)) / whole**3)
+    return 4 * np.pi * SUPPORT_RADIUS**3 * share

@@ -1,7 +1,7 @@
 """Scenes: a surface and blocks of fluid in a container."""
 
 from surfsup.scene.fluid import PARTICLE_RADIUS, SPACING, Block, Fluid, Start
-from surfsup.scene.scene import FRAME_TIME, SURFACE_CLEARANCE, WALL_CLEARANCE, Container, Scene
+from surfsup.scene.scene import FRAME_TIME, SURFACE_CLEARANCE, WALL_CELL, WALL_CLEARANCE, Container, Scene
 from surfsup.scene.shapes import Shape
 
 __all__ = [
@@ -9,6 +9,7 @@ __all__ = [
     "PARTICLE_RADIUS",
     "SPACING",
     "SURFACE_CLEARANCE",
+    "WALL_CELL",
     "WALL_CLEARANCE",
     "Block",
     "Container",

@@ -23,6 +23,7 @@ FRAME_TIME = 0.005  # seconds
 # Metres that water keeps at its start: in a simulation at most 0.04 % of the solver's particles are nearer (measured).
 SURFACE_CLEARANCE = 0.0238
 WALL_CLEARANCE = 0.024
+WALL_CELL = 0.05  # metres, about: the side of the cells that the solver looks the walls up in
 
 
 class Container(Description):
