@@ -13,7 +13,9 @@ from surfsup.model import weights
 from surfsup.model.features import DISPLACEMENT_SCALE
 from surfsup.model.native_step import NativeStep
 from surfsup.model.simulator import Architecture, Simulator
+from surfsup.model.solid_map import SolidMap
 from surfsup.model.state import FRAME_TIME, State, Surroundings
+from surfsup.scene import Container
 from surfsup.sdf import Box, Sphere, Surface, Transformed
 
 pytestmark = pytest.mark.skipif(
@@ -22,11 +24,14 @@ pytestmark = pytest.mark.skipif(
 
 GRAVITY = torch.tensor([0.0, 0.0, -9.81])
 BALL = Transformed(Sphere(0.3), None, (0.0, 0.0, 0.3))
+QUARTER = torch.tensor([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+SOLIDS = ("a solid without a map", "a turned solid", "inside a solid")
 every_path = pytest.mark.parametrize("path", native.paths())
 
 
 def around(surface: Surface | None = None, gravity: torch.Tensor = GRAVITY) -> Surroundings:
-    return Surroundings(surface, torch.tensor([-0.5, -0.5, 0.0]), torch.tensor([0.5, 0.5, 2.0]), gravity)
+    felt = None if surface is None else SolidMap.of(surface, Container())
+    return Surroundings(surface, torch.tensor([-0.5, -0.5, 0.0]), torch.tensor([0.5, 0.5, 2.0]), gravity, felt)
 
 
 def model(seed: int = 0, width: int = 32, layers: int = 5, **sizes) -> Simulator:
@@ -49,6 +54,9 @@ def moved(state: State, *by: float) -> State:
 
 
 def by_torch(simulator: Simulator, state: State, place: Surroundings) -> tuple[torch.Tensor, torch.Tensor]:
+    simulator = copy.deepcopy(simulator)
+    simulator.native = NativeStep()
+    simulator.native.path = ""
     seen = simulator.observe(state, place)
     return simulator.advance(seen, simulator.correct(seen))
 
@@ -75,13 +83,15 @@ def test_it_equals_torch_on_random_states_beside_a_solid(path, seed, count, side
 
 
 @every_path
-@pytest.mark.parametrize("place", ["nothing", "floor", "corner", "tilted", "inside a solid"])
+@pytest.mark.parametrize("place", ["nothing", "floor", "corner", "tilted", *SOLIDS])
 def test_it_equals_torch_wherever_the_water_is(path, place):
     state, surroundings = {
         "nothing": (stirred(300), around()),
         "floor": (stirred(300, low=0.02), around()),
         "corner": (moved(stirred(300), -0.52, -0.52, -0.65), around()),
         "tilted": (stirred(300), around(BALL, torch.tensor([3.0, 0.0, -5.0]))),
+        "a solid without a map": (stirred(300), replace(around(BALL), felt=None)),
+        "a turned solid": (stirred(300), around(BALL).seen_through(QUARTER)),
         "inside a solid": (stirred(300, low=0.3), around(Transformed(Box((0.4, 0.4, 0.4)), None, (0.0, 0.0, 0.4)))),
     }[place]
     simulator = model()
@@ -178,7 +188,7 @@ def test_a_particle_s_answer_does_not_depend_on_the_order_nor_on_the_threads(pat
     assert torch.equal(answers[1][0], answers[2][0])
     assert torch.equal(answers[1][1], answers[2][1])
     again = take(simulator, State(*(value[mixed] for value in vars(state).values())), around(BALL), path)
-    torch.testing.assert_close(again[1], answers[1][1][mixed], atol=1e-5, rtol=1e-5)
+    torch.testing.assert_close(again[1], answers[1][1][mixed], atol=1e-4, rtol=1e-5)
 
 
 def test_several_threads_of_python_may_step_at_once():
@@ -230,7 +240,7 @@ def test_a_rollout_of_twenty_frames_stays_with_torch_s():
     simulator.native.path = ""
     theirs = [now.positions for now, _ in simulator.rollout(state, place, 21)]
     assert not torch.equal(ours[-1], theirs[-1])  # both ways were gone
-    assert (ours[-1] - theirs[-1]).abs().max() < 0.05 * DISPLACEMENT_SCALE
+    assert (ours[-1] - theirs[-1]).abs().max() < 5e-5
 
 
 def test_new_weights_are_used_at_once():
@@ -285,6 +295,8 @@ def test_sizes_that_do_not_fit_are_refused():
         "distance": torch.zeros(9).numpy(),
         "normal": state.positions.numpy(),
         **{name: getattr(place, name).numpy() for name in ("gravity", "lower", "upper")},
+        "map": None,
+        "turn": torch.eye(3).numpy(),
         "new_positions": state.positions.clone().numpy(),
         "new_velocities": state.positions.clone().numpy(),
     }

@@ -16,7 +16,7 @@ from surfsup.model.features import (
 )
 from surfsup.model.neighbours import neighbourhood
 from surfsup.model.simulator import Architecture, Simulator, join_observations
-from surfsup.model.solid_density import solid_density
+from surfsup.model.solid_density import flat_share, solid_density
 from surfsup.model.state import FRAME_TIME, SOLVER_STEPS, STEP_TIME, State, Surroundings
 from surfsup.sdf import Sphere, Transformed
 
@@ -210,7 +210,8 @@ def test_what_acts_beside_a_solid_and_how_neighbours_lie_are_the_documented_colu
     told = observed(torch.tensor([[0.0, 0.0, 0.32]]), velocity, around(Sphere(0.3), gravity=torch.zeros(3)))
     assert (told.acts.shape, told.lie.shape) == ((1, ACTIONS), (1, SURROUNDINGS))
     near = 1 - 0.02 / 0.06
-    solid, slope = (float(value) for value in solid_density(torch.tensor(0.02)))
+    distance = torch.tensor(0.02)
+    solid, slope = (float(value) for value in solid_density(distance, flat_share(distance)))
     expected = torch.zeros(ACTIONS)
     expected[0:3], expected[3:6] = told.faster[0] / 0.3, told.farther[0] / (FRAME_TIME * 0.3)
     expected[6:11] = torch.tensor([near / 0.25, 0, 0, near / 0.25, -3 * near / 0.3])

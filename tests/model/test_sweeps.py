@@ -1,15 +1,17 @@
+from itertools import pairwise
+
 import pytest
 import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from surfsup.model.convolution import graph, kernel_sums
-from surfsup.model.features import own_density, squares
+from surfsup.model.features import own_density
 from surfsup.model.neighbours import neighbourhood
 from surfsup.model.solid_density import SUPPORT
-from surfsup.model.state import FRAME_TIME, State, Surroundings
-from surfsup.model.sweeps import OF_RISE, sweep
-from surfsup.scene import SPACING
+from surfsup.model.state import FRAME_TIME, SOLVER_STEPS, State, Surroundings
+from surfsup.model.sweeps import MARGIN, OF_RISE, sweep
+from surfsup.reference.solver import simulate
+from surfsup.scene import SPACING, Scene, Shape
 from surfsup.sdf import Sphere, Surface
 
 RADIUS = SUPPORT
@@ -25,12 +27,8 @@ def swept(state: State, place: Surroundings) -> tuple[torch.Tensor, torch.Tensor
     """What is added to velocities and places."""
     ahead = state.ballistic(place.gravity)[0]
     distance, normal = place.distance_and_normal(ahead)
-    halfway = 0.5 * (state.positions + ahead)
-    seen = graph(halfway, neighbourhood(halfway, RADIUS), RADIUS)
-    sums = kernel_sums(torch.cat([state.velocities, torch.ones_like(ahead[:, :1])], dim=-1), seen)
-    there = distance + ((halfway - ahead) * normal).sum(dim=-1)
-    stiffness = squares(seen)[:, 0]
-    return sweep(state, halfway, there, normal, place, seen, sums, stiffness, own_density(RADIUS), RADIUS)
+    near = neighbourhood(0.5 * (state.positions + ahead), RADIUS + MARGIN)
+    return sweep(state, ahead, distance, normal, place, near, own_density(RADIUS), RADIUS)
 
 
 def lattice(side: int) -> torch.Tensor:
@@ -50,10 +48,13 @@ def test_a_free_fall_stays_one_exactly():
     assert farther.abs().max() < 1e-12
 
 
-def test_what_flies_apart_is_let_go():
-    places = lattice(3)
+def test_what_flies_apart_is_slowed_by_viscosity_alone():
+    places = 1.2 * lattice(3)
     state = State(places, 5.0 * (places - places.mean(dim=0)))
-    assert not torch.cat(swept(state, around())).any()
+    faster, _ = swept(state, around())
+    slowed = -(faster * state.velocities).sum(dim=-1) / state.velocities.square().sum(dim=-1).clamp(min=1e-9)
+    assert (slowed > -1e-12).all()
+    assert 0.01 < slowed.max() < 0.3
 
 
 @settings(max_examples=20, deadline=None)
@@ -61,16 +62,16 @@ def test_what_flies_apart_is_let_go():
 def test_particles_push_each_other_equally(seed, speed):
     faster, _ = swept(stirred(4, seed, speed), around())
     assert faster.abs().max() > 1e-3 * speed
-    torch.testing.assert_close(faster.sum(dim=0), torch.zeros(3, dtype=torch.float64), atol=1e-10, rtol=0)
+    # But for viscosity, which the solver divides by the neighbour's density alone.
+    assert faster.sum(dim=0).norm() < 0.03 * faster.norm(dim=1).sum()
 
 
-def test_two_that_meet_lose_some_of_the_velocity_at_which_they_do_and_nothing_else():
-    """What is right at a solid is too much for two: they part at some of it."""
+def test_two_that_meet_lose_the_velocity_at_which_they_do_and_nothing_else():
     places = torch.tensor([[0.0, 0.0, 0.0], [0.03, 0.0, 0.0]], dtype=torch.float64)
     velocities = torch.tensor([[0.5, 0.2, 0.0], [-0.5, 0.2, 0.0]], dtype=torch.float64)
     faster, _ = swept(State(places, velocities), around())
     after = velocities + faster
-    assert abs(after[0, 0]) < 0.7 * velocities[0, 0]
+    assert abs(after[0, 0]) < 0.1 * velocities[0, 0]
     torch.testing.assert_close(after[0, 0], -after[1, 0])
     torch.testing.assert_close(after[:, 1], velocities[:, 1])  # not that across
 
@@ -82,9 +83,29 @@ def test_a_particle_alone_at_a_solid_keeps_only_what_sweeps_leave_of_its_way_in(
         torch.tensor([[0.4, 0.0, -speed]], dtype=torch.float64),
     )
     faster, farther = swept(state, around(Sphere(0.3).double()))
-    left = (1 - OF_RISE) ** 2
-    assert faster[0, 2] == pytest.approx(speed * (1 - left), rel=0.05)
+    left = (1 - OF_RISE) ** SOLVER_STEPS
+    assert faster[0, 2] == pytest.approx(speed * (1 - left), rel=0.03)
     assert 0 < farther[0, 2] < FRAME_TIME * speed
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_it_is_what_the_solver_does(seed):
+    """Of what the solver changes in a frame of a splash little is left over, at a solid and in corners too."""
+    scene = Scene(
+        surface=Shape(sphere={"radius": 0.15}, at=(0.35 * (seed > 0), 0.35 * (seed > 1), 0.2)),
+        fluid=[{"block": {"min": (0.1, 0.1, 0.4), "max": (0.45, 0.45, 0.7), "velocity": (0.0, 0.0, -2.0)}}],
+        frames=41,
+    )
+    surface = scene.build_surface()
+    place = Surroundings.of(scene, surface)
+    frames = [tuple(map(torch.from_numpy, frame)) for frame in simulate(scene, surface, scene.start(surface))]
+    left = changed = 0.0
+    for (positions, velocities), (_, after) in list(pairwise(frames))[20:]:
+        faster, _ = swept(State(positions, velocities), place)
+        falling = velocities + FRAME_TIME * place.gravity
+        left += (after - falling - faster).square().sum()
+        changed += (after - falling).square().sum()
+    assert left < 0.05 * changed
 
 
 def test_beyond_its_reach_a_solid_stops_nothing():

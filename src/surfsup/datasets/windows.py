@@ -15,7 +15,6 @@ from surfsup.errors import InputError
 from surfsup.model.message_passing.history import History
 from surfsup.model.state import FRAME_TIME, Surroundings
 from surfsup.scene import Scene
-from surfsup.sdf import Transformed
 from surfsup.trajectory import Trajectory, TrajectoryFrames
 
 EARLY_FRAMES = 320  # falls, impacts and sloshing happen here
@@ -61,14 +60,11 @@ class Window:
 
     def seen_through(self, matrix: Tensor) -> Window:
         """The same window turned or mirrored by an orthogonal ``matrix`` that maps axes onto axes."""
-        around = self.around
-        surface = None if around.surface is None else Transformed(around.surface, matrix).to(matrix.device)
-        corners = torch.stack([matrix @ around.lower, matrix @ around.upper])
         return replace(
             self,
             positions=self.positions @ matrix.T,
             velocities=self.velocities @ matrix.T,
-            around=Surroundings(surface, corners.amin(dim=0), corners.amax(dim=0), matrix @ around.gravity),
+            around=self.around.seen_through(matrix),
         )
 
 

@@ -10,13 +10,13 @@ from torch import Tensor
 
 from surfsup.model.convolution import KERNELS, Graph, kernel_sums
 from surfsup.model.state import FRAME_TIME, State, Surroundings
-from surfsup.model.sweeps import of_solids, sweep
+from surfsup.model.sweeps import of_solids, squares, sweep
 from surfsup.scene import SPACING
 
 # Metres beyond which a solid is not felt: the support of the solver's kernel, four particle radii. Told of what is
 # farther off, the model pushed water in free fall along a wall aside, by millimetres until the impact (measured).
 REACH = 0.06
-DISPLACEMENT_SCALE = 3e-4  # metres: the spread of one frame's correction to ballistic motion (measured)
+DISPLACEMENT_SCALE = 1e-4  # metres: the spread of what is wrong with the solver's rule after a frame (measured)
 # What the network is told is of like size, whatever it is, in the splash: it learns faster so (measured).
 VELOCITY_SCALE = 0.3  # m/s
 NEARNESS_SCALE, DENSITY_SCALE = 0.25, 0.1
@@ -60,7 +60,7 @@ def observe_features(
         distance: (N,) signed distance of ``ahead`` to the solid, metres.
         normal: (N, 3) the solid's normal there.
         around: container and gravity.
-        graph: the neighbours halfway to ``ahead``.
+        graph: the neighbours halfway to ``ahead``, all within the radius and ``sweeps.MARGIN``.
         radius: reach of the graph's kernels, metres.
 
     The columns of what acts: what the sweeps add to velocity (3) and to place (3), nearness to the solid (1), its
@@ -87,9 +87,7 @@ def observe_features(
     rate = from_neighbours + (slope_of_solids * state.velocities).sum(dim=-1, keepdim=True)  # 1/s
     above = own * (1 + lie[:, :1]) + FRAME_TIME / 2 * from_neighbours + solid - 1
 
-    halfway = 0.5 * (state.positions + ahead)
-    back = ((halfway - ahead) * normal).sum(dim=-1)
-    faster, farther = sweep(state, halfway, distance + back, normal, around, graph, sums, stiffness[:, 0], own, radius)
+    faster, farther = sweep(state, ahead, distance, normal, around, graph.neighbourhood, own, radius)
     acts = torch.cat(
         [
             faster / VELOCITY_SCALE,
@@ -113,13 +111,6 @@ def observe_features(
 def own_density(radius: float) -> float:
     """A particle's share of its own density, in units of the lattice's, by a kernel that reaches ``radius`` metres."""
     return 8 / math.pi * (SPACING / radius) ** 3
-
-
-def squares(graph: Graph) -> Tensor:
-    """The sum over neighbours of the squared slope (N, 1): with the square of their sum, how stiff density is."""
-    near = graph.neighbourhood
-    slopes = graph.kernels[:, 1:].square().sum(dim=-1)
-    return slopes.new_zeros(len(graph)).index_add(0, near.receivers, slopes)[:, None]
 
 
 def nearness(distance: Tensor) -> Tensor:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,24 +13,51 @@ from torch import Tensor
 from surfsup import native
 from surfsup.model.correction import LARGEST, POSITION_SHARE
 from surfsup.model.features import (
+    ACTIONS,
     DENSEST,
     DENSITY_SCALE,
     DISPLACEMENT_SCALE,
     NEARNESS_SCALE,
     REACH,
+    SURROUNDINGS,
     THICKEST,
     VELOCITY_SCALE,
+    Features,
     own_density,
 )
 from surfsup.model.guard import Look
 from surfsup.model.neighbours import blown_up, collapsed, most_edges
 from surfsup.model.network import ConvolutionNetwork
-from surfsup.model.solid_density import DEEPEST, SUPPORT, TABLE_STEP, entries
-from surfsup.model.state import FRAME_TIME, State, Surroundings, free_fall_drop
-from surfsup.model.sweeps import LEAST, OF_EXCESS, OF_RISE, STEP
+from surfsup.model.solid_density import DEEPEST, NEAREST, OFFSET, STRENGTH, SUPPORT, TABLE_STEP, entries
+from surfsup.model.solid_map import UNTURNED
+from surfsup.model.state import FRAME_TIME, STEP_TIME, State, Surroundings, free_fall_drop
+from surfsup.model.sweeps import DIMENSIONS, LEAST, MARGIN, MOST_DENSE, OF_EXCESS, OF_RISE, SOFTENED, VISCOSITY
+from surfsup.model.walls import CLOSEST
+from surfsup.scene import WALL_CELL
 
 if TYPE_CHECKING:
     from surfsup.model.simulator import Simulator
+
+
+@dataclass(frozen=True)
+class LookAhead:
+    """What the native code is given of a state.
+
+    Attributes:
+        places: (N, 3), metres.
+        speeds: (N, 3), m/s.
+        ahead: (N, 3) where ballistic motion would take it, metres.
+        distance: (N,) of the solid from there, metres.
+        normal: (N, 3) the solid's there.
+        told: the last three, gravity, the corners of the container, the solid's map and how it is turned.
+    """
+
+    places: np.ndarray
+    speeds: np.ndarray
+    ahead: Tensor
+    distance: Tensor
+    normal: Tensor
+    told: list[np.ndarray | native.SolidMap | None]
 
 
 class NativeStep:
@@ -60,6 +89,14 @@ class NativeStep:
             for value in (*vars(state).values(), around.gravity, around.lower, network.encoder[0].weight)
         )
 
+    def can_observe(self, state: State, around: Surroundings, network: ConvolutionNetwork) -> bool:
+        """Whether it may see for the network: as :meth:`can_take`, but the network's own gradient may be wanted."""
+        if not self.path or around.gravity.ndim != 1 or around.records_gradients():
+            return False
+        given = (*vars(state).values(), around.gravity, around.lower, network.encoder[0].weight)
+        wanted = torch.is_grad_enabled() and any(value.requires_grad for value in given[:-1])
+        return not wanted and all(value.dtype == torch.float32 and value.device.type == "cpu" for value in given)
+
     @torch.no_grad()
     def take(self, simulator: Simulator, state: State, around: Surroundings) -> tuple[Tensor, Tensor, Look]:
         """Positions (N, 3) and velocities (N, 3) one frame later, before the guard, and where it looked at the solid.
@@ -67,29 +104,32 @@ class NativeStep:
         Raises:
             SimulationError: a position is not finite, or the particles have collapsed into a clump.
         """
-        places, speeds = state.positions.contiguous().numpy(), state.velocities.contiguous().numpy()
-        # In NumPy: torch's threads would wait for each other at every one of such small steps.
-        ahead = torch.from_numpy(places + np.float32(FRAME_TIME) * speeds + free_fall_drop(around.gravity).numpy())
-        distance, normal = around.distance_and_normal(ahead)
-        told = (ahead, distance.float(), normal.float().contiguous(), around.gravity, around.lower, around.upper)
-        positions, velocities = np.empty_like(speeds), np.empty_like(speeds)
-        radius = simulator.architecture.radius
-        most = most_edges(len(ahead), radius)
-        edges = self.network_of(simulator).step(
-            places,
-            speeds,
-            *(value.numpy() for value in told),
-            positions,
-            velocities,
-            self.path,
-            torch.get_num_threads(),
-            most,
-        )
+        seen = look_ahead(state, around)
+        positions, velocities = np.empty_like(seen.speeds), np.empty_like(seen.speeds)
+        self._run(simulator, self.network_of(simulator).step, seen, (positions, velocities))
+        return torch.from_numpy(positions), torch.from_numpy(velocities), Look(seen.ahead, seen.distance)
+
+    @torch.no_grad()
+    def observe(self, simulator: Simulator, state: State, around: Surroundings) -> tuple[LookAhead, Features]:
+        """What the network is told, and what it is told from.
+
+        Raises:
+            SimulationError: as of :meth:`take`.
+        """
+        seen = look_ahead(state, around)
+        count = len(seen.speeds)
+        told = [np.empty((count, columns), np.float32) for columns in (ACTIONS, SURROUNDINGS, 3, 3)]
+        self._run(simulator, self.network_of(simulator).observe, seen, told)
+        return seen, Features(*(torch.from_numpy(values) for values in told))
+
+    def _run(self, simulator: Simulator, call: Callable[..., int], seen: LookAhead, to: Iterable[np.ndarray]) -> None:
+        radius = simulator.architecture.radius + MARGIN
+        most = most_edges(len(seen.ahead), radius)
+        edges = call(seen.places, seen.speeds, *seen.told, *to, self.path, torch.get_num_threads(), most)
         if edges < 0:
             raise blown_up()
         if edges > most:
             raise collapsed(radius)
-        return torch.from_numpy(positions), torch.from_numpy(velocities), Look(ahead, told[1])
 
     def network_of(self, simulator: Simulator) -> native.Network:
         """The native network of the weights where they are now."""
@@ -101,22 +141,36 @@ class NativeStep:
         return self.network
 
 
+def look_ahead(state: State, around: Surroundings) -> LookAhead:
+    """Where ballistic motion would lead, and the solid there."""
+    places, speeds = state.positions.contiguous().numpy(), state.velocities.contiguous().numpy()
+    # In NumPy: torch's threads would wait for each other at every one of such small steps.
+    ahead = torch.from_numpy(places + np.float32(FRAME_TIME) * speeds + free_fall_drop(around.gravity).numpy())
+    distance, normal = around.distance_and_normal(ahead)
+    distance, normal = distance.float(), normal.float().contiguous()
+    told = [value.numpy() for value in (ahead, distance, normal, around.gravity, around.lower, around.upper)]
+    felt = around.felt
+    told += [None, UNTURNED] if felt is None else [felt.tables.native, felt.turn]
+    return LookAhead(places, speeds, ahead, distance, normal, told)
+
+
 def native_network(simulator: Simulator) -> native.Network:
     """The native twin of a simulator's network, whose weights it shares."""
     network, radius = simulator.network, simulator.architecture.radius
-    density, slope = entries(torch.float32, torch.device("cpu"))
+    share = entries(torch.float32, torch.device("cpu")).numpy()
 
     def array(weight: Tensor) -> object:
         return weight.detach().numpy()
 
     first, last = network.factors[0], network.factors[2]
     return native.Network(
-        encoder=(array(network.encoder[0].weight), array(network.encoder[2].weight)),
+        encoder=array(network.encoder[0].weight),
         factors=(array(first.weight), array(first.bias), array(last.weight), array(last.bias)),
         layers=[(array(one.mix.weight), array(one.own.weight), array(one.out.weight)) for one in network.layers],
         decoder=(array(network.decoder[0].weight), array(network.decoder[2].weight)),
-        solids=(density.numpy(), slope.numpy(), DEEPEST, TABLE_STEP, SUPPORT),
+        solids=(share, DEEPEST, TABLE_STEP, SUPPORT, NEAREST, OFFSET, STRENGTH, WALL_CELL, CLOSEST),
         radius=radius,
+        around=radius + MARGIN,
         frame_time=FRAME_TIME,
         reach=REACH,
         displacement_scale=DISPLACEMENT_SCALE,
@@ -125,10 +179,13 @@ def native_network(simulator: Simulator) -> native.Network:
         density_scale=DENSITY_SCALE,
         own_density=own_density(radius),
         densest=DENSEST,
-        sweep_time=STEP,
+        step_time=STEP_TIME,
         of_rise=OF_RISE,
         of_excess=OF_EXCESS,
         least=LEAST,
+        most_dense=MOST_DENSE,
+        viscosity=DIMENSIONS * VISCOSITY,
+        softened=SOFTENED,
         position_share=POSITION_SHARE,
         largest=LARGEST,
         thickest=THICKEST,

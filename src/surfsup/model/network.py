@@ -10,6 +10,8 @@ from torch import Tensor, nn
 
 from surfsup.model.convolution import KERNELS, Graph, convolve
 
+FACTORS_WIDTH = 16  # channels between how neighbours lie and the factors: six numbers need no more (measured)
+
 
 class Layer(nn.Module):
     """One step of message passing: a convolution over neighbours, then a small perceptron, then a skip."""
@@ -35,10 +37,10 @@ class ConvolutionNetwork(nn.Module):
 
     def __init__(self, actions: int, surroundings: int, outputs: int, width: int, layers: int, messages: int) -> None:
         super().__init__()
-        self.encoder = nn.Sequential(
-            nn.Linear(actions, width, bias=False), nn.SiLU(), nn.Linear(width, width, bias=False)
+        self.encoder = nn.Sequential(nn.Linear(actions, width, bias=False), nn.SiLU())
+        self.factors = nn.Sequential(
+            nn.Linear(surroundings, FACTORS_WIDTH), nn.SiLU(), nn.Linear(FACTORS_WIDTH, 2 * width)
         )
-        self.factors = nn.Sequential(nn.Linear(surroundings, width), nn.SiLU(), nn.Linear(width, 2 * width))
         self.layers = nn.ModuleList(Layer(width, messages) for _ in range(layers))
         self.decoder = nn.Sequential(
             nn.Linear(width, width, bias=False), nn.SiLU(), nn.Linear(width, outputs, bias=False)

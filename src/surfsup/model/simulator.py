@@ -17,7 +17,8 @@ from surfsup.model.learned_simulator import LearnedSimulator
 from surfsup.model.native_step import NativeStep
 from surfsup.model.neighbours import neighbourhood
 from surfsup.model.network import ConvolutionNetwork
-from surfsup.model.state import State, Surroundings
+from surfsup.model.state import FRAME_TIME, State, Surroundings
+from surfsup.model.sweeps import MARGIN
 
 OUTPUTS = 6
 PARTICLES = ("ahead", "places", "speeds", "distance", "normal", "acts", "lie")  # of an observation
@@ -102,14 +103,27 @@ class Simulator(LearnedSimulator[State]):
         return State(positions[0], velocities[0])
 
     def observe(self, state: State, around: Surroundings) -> Observation:
-        """See ``state``: advance it ballistically, find neighbours halfway and distances there, sweep."""
-        ahead, falling = state.ballistic(around.gravity)
-        distance, normal = around.distance_and_normal(ahead)
-        radius, halfway = self.architecture.radius, 0.5 * (state.positions + ahead)
-        seen = graph(halfway, neighbourhood(halfway, radius), radius)
-        told = observe_features(state, ahead, distance, normal, around, seen, radius)
+        """See ``state``: advance it ballistically, find neighbours halfway and distances there, do as the solver would.
+
+        Where nothing of that wants a gradient, the native step's twin does most of it.
+        """
+        radius = self.architecture.radius
+        falling = state.velocities + FRAME_TIME * around.gravity
+        if self.native.can_observe(state, around, self.network):
+            looked, told = self.native.observe(self, state, around)
+            ahead, distance, normal = looked.ahead, looked.distance, looked.normal
+            seen = self._graph(state, ahead)
+        else:
+            ahead, _ = state.ballistic(around.gravity)
+            distance, normal = around.distance_and_normal(ahead)
+            seen = self._graph(state, ahead)
+            told = observe_features(state, ahead, distance, normal, around, seen, radius)
         places, speeds = ahead + told.farther, falling + told.faster
         return Observation(state, ahead, places, speeds, distance, normal, told.acts, told.lie, seen)
+
+    def _graph(self, state: State, ahead: Tensor) -> Graph:
+        halfway, radius = 0.5 * (state.positions + ahead), self.architecture.radius
+        return graph(halfway, neighbourhood(halfway, radius + MARGIN), radius)
 
     def correct(self, seen: Observation) -> Correction:
         """The network's correction to what the sweeps have made."""

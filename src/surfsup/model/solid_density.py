@@ -17,54 +17,64 @@ from surfsup.scene import PARTICLE_RADIUS, SPACING
 
 SUPPORT = 2 * SPACING  # metres: how far the solver's kernel reaches
 DEEPEST = -0.03  # metres: a particle deeper in the solid is felt as if it were there
+FARTHEST = 2 * SUPPORT  # metres from which on a solid has no share of the neighbourhood
 TABLE_STEP = 1e-4  # metres from one entry of the table to the next
 SLICES = 1001  # of the ball that the volume is summed over
 
 VOLUME_FACTOR = 0.8  # of the solver's volume maps
 NEAREST = 2 * PARTICLE_RADIUS  # metres: no nearer does the solver take a solid to be
 OFFSET = 0.5 * PARTICLE_RADIUS  # metres that it takes a solid to be farther off
-
-
-def smoothing(distance: np.ndarray) -> np.ndarray:
-    """The cubic spline kernel at a ``distance`` in metres, as a share of its peak."""
-    whole, inner = (np.clip(end - distance / SUPPORT, 0, None) for end in (1.0, 0.5))
-    return 2 * whole**3 - 8 * inner**3
+STRENGTH = VOLUME_FACTOR * 32 / 3  # of a solid all around at no distance: the ball times the peak of the kernel
 
 
 @cache
 def table() -> np.ndarray:
-    """Density (K,), in units of the lattice's, from ``DEEPEST`` to ``SUPPORT`` metres from a flat solid.
+    """The share (K,) that a flat solid has of a particle's neighbourhood, ``DEEPEST`` to ``FARTHEST`` metres from it.
 
     Within the ball of the kernel's support around a particle, what is inside the solid counts whole, and outside as
     the kernel falls off with the distance to it.
     """
-    distance = np.arange(round((SUPPORT - DEEPEST) / TABLE_STEP) + 1) * TABLE_STEP + DEEPEST
+    distance = np.arange(round((FARTHEST - DEEPEST) / TABLE_STEP) + 1) * TABLE_STEP + DEEPEST
     up = np.linspace(-SUPPORT, SUPPORT, SLICES)
     areas = np.pi * (SUPPORT**2 - up**2)
-    counts = smoothing(np.clip(distance[:, None] + up, 0, None))
-    volumes = VOLUME_FACTOR * np.trapezoid(areas * counts, up, axis=1)
-    peak = 8 / (np.pi * SUPPORT**3)
-    density = volumes * peak * smoothing(np.maximum(distance + OFFSET, NEAREST))
-    density[-1] = 0.0
-    return density
+    away = torch.from_numpy(np.clip(distance[:, None] + up, 0, SUPPORT))
+    shares = np.trapezoid(areas * smoothing(away)[0].numpy(), up, axis=1) / (4 / 3 * np.pi * SUPPORT**3)
+    shares[-1] = 0.0
+    return shares
 
 
 @cache
 def entries(dtype: torch.dtype, device: torch.device) -> Tensor:
-    """Density and minus its slope a support radius (2, K), for interpolation."""
-    density = table()
-    return torch.from_numpy(np.stack([density, -SUPPORT * np.gradient(density, TABLE_STEP)])).to(device, dtype)
+    """The table (K,) as a tensor."""
+    return torch.from_numpy(table()).to(device, dtype)
 
 
-def solid_density(distance: Tensor) -> tuple[Tensor, Tensor]:
-    """What a flat solid at a ``distance`` (any shape, metres) adds to density, and how fast that rises towards it.
+def smoothing(distance: Tensor) -> tuple[Tensor, Tensor]:
+    """The cubic spline kernel at a ``distance`` in metres, as a share of its peak, and its fall a support radius."""
+    whole, inner = (1 - distance / SUPPORT).clamp(min=0), (0.5 - distance / SUPPORT).clamp(min=0)
+    return 2 * whole**3 - 8 * inner**3, 6 * whole**2 - 24 * inner**2
+
+
+def flat_share(distance: Tensor) -> Tensor:
+    """The share of its neighbourhood (any shape) that a flat solid at a ``distance`` in metres has."""
+    known = entries(distance.dtype, distance.device)
+    place = ((distance - DEEPEST) / TABLE_STEP).clamp(0, len(known) - 1)
+    low = place.detach().nan_to_num().long().clamp(max=len(known) - 2)
+    part = place - low
+    return known[low] * (1 - part) + known[low + 1] * part
+
+
+def solid_density(distance: Tensor, share: Tensor) -> tuple[Tensor, Tensor]:
+    """What a solid at a ``distance`` (any shape, metres) adds to density, and how fast that rises on the way to it.
+
+    The rise is what the solver computes with: it takes the share to stay what it is.
+
+    Args:
+        distance: of the solid, metres.
+        share: that it has of the neighbourhood, of the same shape.
 
     Returns:
-        The density in units of the lattice's, and its slope towards the solid a support radius, of the same shape.
+        The density in units of the lattice's, and its rise a support radius, of the same shape.
     """
-    known = entries(distance.dtype, distance.device)
-    place = ((distance - DEEPEST) / TABLE_STEP).clamp(0, known.shape[1] - 1)
-    low = place.detach().nan_to_num().long().clamp(max=known.shape[1] - 2)
-    part = place - low
-    density, slope = known[:, low] * (1 - part) + known[:, low + 1] * part
-    return density, slope
+    kernel, fall = smoothing((distance + OFFSET).clamp(min=NEAREST, max=SUPPORT))
+    return STRENGTH * share * kernel, STRENGTH * share * fall

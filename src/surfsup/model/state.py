@@ -10,8 +10,9 @@ from dataclasses import dataclass, replace
 import torch
 from torch import Tensor
 
+from surfsup.model.solid_map import SolidMap
 from surfsup.scene import FRAME_TIME, Scene
-from surfsup.sdf import Surface
+from surfsup.sdf import Surface, Transformed
 
 SOLVER_STEPS = 5  # of 1 ms in a frame; the solver's semi-implicit Euler steps shape what a frame's data means
 STEP_TIME = FRAME_TIME / SOLVER_STEPS
@@ -66,12 +67,15 @@ class Surroundings:
         surface: the solid, or None.
         lower, upper: (3,) corners of the container, metres.
         gravity: (3,), m/s².
+        felt: the solid as the solver feels it; None where there is none, or where its shape wants a gradient, which
+            goes by distance and normal alone.
     """
 
     surface: Surface | None
     lower: Tensor
     upper: Tensor
     gravity: Tensor
+    felt: SolidMap | None = None
 
     @classmethod
     def of(cls, scene: Scene, surface: Surface | None, device: torch.device | str = "cpu") -> Surroundings:
@@ -82,6 +86,18 @@ class Surroundings:
             torch.tensor(container.lower, device=device),
             torch.tensor(container.upper, device=device),
             torch.tensor(scene.gravity, device=device),
+            None if surface is None or surface.records_gradients() else SolidMap.of(surface, container),
+        )
+
+    def seen_through(self, matrix: Tensor) -> Surroundings:
+        """The same turned or mirrored by an orthogonal ``matrix`` (3, 3) that maps axes onto axes."""
+        corners = torch.stack([matrix @ self.lower, matrix @ self.upper])
+        return Surroundings(
+            None if self.surface is None else Transformed(self.surface, matrix).to(matrix.device),
+            corners.amin(dim=0),
+            corners.amax(dim=0),
+            matrix @ self.gravity,
+            None if self.felt is None else self.felt.turned(matrix),
         )
 
     def records_gradients(self) -> bool:

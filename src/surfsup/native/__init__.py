@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from surfsup.native._native import (
         Network,
         Solid,
+        SolidMap,
         Triangles,
         contain,
         convolve,
@@ -29,6 +30,7 @@ else:
         from surfsup.native._native import (
             Network,
             Solid,
+            SolidMap,
             Triangles,
             contain,
             convolve,
@@ -43,7 +45,8 @@ else:
             within_reach,
         )
     except ImportError:  # the package was installed without a compiler
-        Network = Solid = Triangles = contain = convolve = convolve_back = energy_gain = find_pairs = push = None
+        Network = Solid = SolidMap = Triangles = None
+        contain = convolve = convolve_back = energy_gain = find_pairs = push = None
         sample = sum_fours = sum_fours_back = within_reach = None
 
         def paths() -> list[str]:
@@ -54,6 +57,7 @@ else:
 __all__ = [
     "Network",
     "Solid",
+    "SolidMap",
     "Triangles",
     "contain",
     "convolve",

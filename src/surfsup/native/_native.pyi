@@ -163,18 +163,31 @@ class Solid:
             ValueError: sizes do not fit.
         """
 
+class SolidMap:
+    """A solid's distance and share in cubic cells; the tables are copied."""
+
+    def __init__(
+        self, lower: Vector, cell: Vector, resolution: np.ndarray, places: np.ndarray, nodes: np.ndarray
+    ) -> None:
+        """Copy the tables of :class:`surfsup.model.solid_map.Tables`.
+
+        Raises:
+            ValueError: sizes do not fit, or a cell has nodes that are not there.
+        """
+
 class Network:
     """The convolution's network, its weights copied, and the memory of its steps."""
 
     def __init__(
         self,
         *,
-        encoder: tuple[Matrix, Matrix],
+        encoder: Matrix,
         factors: tuple[Matrix, Bias, Matrix, Bias],
         layers: list[tuple[Matrix, Matrix, Matrix]],
         decoder: tuple[Matrix, Matrix],
-        solids: tuple[Values, Values, float, float, float],
+        solids: tuple[Values, float, float, float, float, float, float, float, float],
         radius: float,
+        around: float,
         frame_time: float,
         reach: float,
         displacement_scale: float,
@@ -183,10 +196,13 @@ class Network:
         density_scale: float,
         own_density: float,
         densest: float,
-        sweep_time: float,
+        step_time: float,
         of_rise: float,
         of_excess: float,
         least: float,
+        most_dense: float,
+        viscosity: float,
+        softened: float,
         position_share: float,
         largest: float,
         thickest: tuple[float, ...],
@@ -207,6 +223,8 @@ class Network:
         gravity: Vector,
         lower: Vector,
         upper: Vector,
+        map: SolidMap | None,
+        turn: Matrix,
         new_positions: Vectors,
         new_velocities: Vectors,
         path: str,
@@ -222,3 +240,25 @@ class Network:
             ValueError: sizes do not fit, or the processor cannot go the path.
             MemoryError: the neighbours do not fit into memory.
         """
+
+    def observe(
+        self,
+        positions: Vectors,
+        velocities: Vectors,
+        ahead: Vectors,
+        distance: Values,
+        normal: Vectors,
+        gravity: Vector,
+        lower: Vector,
+        upper: Vector,
+        map: SolidMap | None,
+        turn: Matrix,
+        acts: Matrix,
+        lie: Matrix,
+        faster: Vectors,
+        farther: Vectors,
+        path: str,
+        threads: int,
+        most_edges: int,
+    ) -> int:
+        """Write what the network is told of each particle; all else as :meth:`step`."""

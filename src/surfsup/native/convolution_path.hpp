@@ -126,7 +126,7 @@ int64_t within(const Frame& frame, int32_t i, Arena& arena, void* memory, const 
     auto& search = *static_cast<Search*>(memory);
     const int32_t cell = frame.cells.of[i];
     if (cell + 1 != search.cell && !see_cell(frame, cell, search, arena)) return -1;
-    if (!find_within(frame, i, frame.constants.radius, 0, search, arena)) return -1;
+    if (!find_within(frame, i, frame.constants.around, 0, search, arena)) return -1;
     to = search.within[0].index;
     return search.found[0];
 }

@@ -4,65 +4,74 @@
 #include <array>
 #include <cstdint>
 
+#include "solid_map.hpp"
 #include "tree.hpp"
 
 namespace surfsup {
 
 constexpr int KERNELS = 4;
 constexpr int ACTIONS = 37, SURROUNDINGS = 6;  // what acts on a particle, and how its neighbours lie, see features.py
-constexpr int SWEEP_STEPS = 2;  // in a frame, see sweeps.py
+constexpr int SOLVER_STEPS = 5;  // in a frame, see sweeps.py
 constexpr int OUTPUTS = 6, OUTPUT_ROOM = 16;
 
 // Numbers of the model that are defined in Python; lengths in metres, times in seconds.
 struct Constants {
     float radius;                // reach of a kernel
+    float around;                // how far neighbours may be apart in the frame's middle
     float frame_time;            // of a step
     float reach;                 // beyond which a solid is not felt
     float displacement_scale, velocity_scale, nearness_scale, density_scale;
     float own_density;           // a particle's share of its own density, in units of the lattice's
     float densest;               // the largest density told of
-    float sweep_time;            // of a step of the sweeps
+    float step_time;             // of one of the solver's steps
     float of_rise, of_excess;    // shares of a sweep that are made
     float least;                 // 1/m²: where density depends on places no more than this, nothing can be done
+    float most_dense;            // how much too dense it is taken to be at most
+    float viscosity, softened;   // m²/s, with what its Laplacian is multiplied by; a share of the squared radius
     float position_share;        // of a velocity correction that shows in the displacement
     float largest;               // largest velocity correction, in displacement_scale
     std::array<float, SURROUNDINGS> thickest;  // largest sums that the factors are told of
 };
 
-// What a flat solid adds to density by its distance: `density` and minus its slope a support radius, from `deepest` metres
-// on in steps of `step`, `entries` of them, up to `support`, beyond which it adds nothing.
+// What a solid adds to density, see solid_density.py and walls.py: the `share` that a flat one has of the neighbourhood by
+// its distance, from `deepest` metres on in steps of `step`, `entries` of them; beyond it has none.
 struct SolidDensity {
-    float deepest, step, support;
+    float deepest, step, support, nearest, offset, strength;
+    float wall_cell, closest;    // metres
     int entries;
-    const float *density, *slope;
+    const float* share;
 };
 
 // Weights as the products take them: a row an input, a column an output; `width` and `messages` are multiples of 16,
 // what is beyond the network's own is zero. Neighbours are told of the first `messages` channels.
 struct Weights {
-    int width, messages, layers;
-    const float *encode_in, *encode_out;            // (ACTIONS, width), (width, width)
-    const float *factor_in, *factor_in_bias;        // (SURROUNDINGS, width), (width)
-    const float *factor_out, *factor_out_bias;      // (width, 2 width), (2 width)
+    int width, messages, layers, inner;             // `inner` channels between how neighbours lie and the factors
+    const float* encoder;                           // (ACTIONS, width)
+    const float *factor_in, *factor_in_bias;        // (SURROUNDINGS, inner), (inner)
+    const float *factor_out, *factor_out_bias;      // (inner, 2 width), (2 width)
     const float *mix, *out;                         // of each layer (4 messages + width, width), (width, width)
     const float *decode_in, *decode_out;            // (width, width), (width, OUTPUT_ROOM)
 };
 
-// The neighbours of a particle and their kernels, kernel by kernel.
+// The neighbours of a particle. Within the radius in the frame's middle, with their kernels edge by edge: what the network
+// sees. And all that may come so near on the way, filled up to whole vectors by one that is infinitely far, with room for
+// the slopes of their kernels in the step that is made: vectors of x, of y, of z, and of what viscosity multiplies these by.
 struct Edges {
     const float* kernels;
     const int32_t* senders;
     int32_t count;
+    int32_t all_count;
+    const int32_t* all;
+    float* slopes;
 };
 
 // What sweeps.py knows of a particle; lengths in metres, times in seconds, densities in the lattice's.
 struct Sweep {
-    float slope_of_fluid[3], stiffness, rise;   // density's slope by the neighbours, and how fast it rises by them, at first
-    float fluid, density, allowed;              // of the neighbours, with that of solids, and how high it may be
-    float slope[3], slope_of_solids[3], ease;   // in this step, with that of solids, and that alone
-    float rising;                               // how fast density rises now by the neighbours
-    float farther[3];
-    bool near_solids;
+    float slope[3], slope_of_solids[3], ease;  // of density, all in all and by solids alone; 1 over how stiff it is
+    float too_dense, allowed;                  // how much more than it may be, and how much it may be
+    float drag[3];                             // m/s² by viscosity
+    float faster[3], farther[3];               // than ballistic motion, so far
+    bool near_solid, near_walls;
 };
 
 // Particles sorted by cell. Cells are counted modulo the grid's size, so that any extent fits: what falls into the
@@ -88,13 +97,16 @@ struct Frame {
     // as the caller counts:
     const float *positions, *velocities, *ahead, *distance, *normal;
     float gravity[3], lower[3], upper[3];
+    float cell[3];               // the sides of those that the solver looks the walls up in
+    MapView map;                 // of the solid
     float *new_positions, *new_velocities;
     // sorted:
     Edges* edges;
     float *acts, *lie;           // (count, ACTIONS), (count, SURROUNDINGS); room for a block more
     Sweep* sweeps;
-    float* faster;               // (count, 4): m/s that the sweeps add to velocities, and nothing
-    float* taken;                // (count), the pressures of the sweep that is made
+    // of them and one more, which is infinitely far:
+    float *place, *speed;        // (count + 1, 4), the last of nothing: m in this step, and m/s but for what gravity adds
+    float *taken, *lightness;    // (count + 1): the pressures of the sweep that is made, and 1 over density
     float* factors;              // (count, width), of the last hidden state
     float* hidden[2];            // (count, width); a layer reads one and writes the other
     float* told[2];              // (count, messages), the part of it that neighbours are told, side by side
@@ -112,9 +124,14 @@ struct Path {
     int64_t (*scratch)(const Frame&);  // floats that `encode` and `layer` need
     // Neighbours, kernels and features of sorted particles; how many edges, -1 where memory ran out.
     int64_t (*look)(const Frame&, int32_t begin, int32_t end, Arena&);
-    // The halves of the sweeps of a step: velocities by the pressures, and pressures by the velocities.
-    void (*push)(const Frame&, bool last_of_step, int32_t begin, int32_t end);
-    void (*press)(const Frame&, int step, bool excess, int32_t begin, int32_t end);
+    // A step of the solver's: density and the pressures against its rise; then what pressures do to speeds; viscosity and
+    // the pressures against what would be too dense; again what they do, and the places of the next step.
+    void (*approach)(const Frame&, int step, int32_t begin, int32_t end);
+    void (*push)(const Frame&, int32_t begin, int32_t end);
+    void (*press)(const Frame&, int step, int32_t begin, int32_t end);
+    void (*leave)(const Frame&, int step, int32_t begin, int32_t end);
+    // What the solver's rule has made of the frame, for the network.
+    void (*tell)(const Frame&, int32_t begin, int32_t end);
     // The encoder.
     void (*encode)(const Frame&, int32_t begin, int32_t end, float* scratch);
     // A layer; behind the last one the decoder and the new positions and velocities.

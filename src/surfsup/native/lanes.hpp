@@ -110,6 +110,85 @@ inline Floats sigmoid(Floats x) { return reciprocal(1.0f + exponential(-x)); }
 
 inline Floats silu(Floats x) { return x * sigmoid(x); }
 
+// The sum of the lanes.
+inline float sum(Floats values) {
+    float total = 0.0f;
+#pragma GCC unroll 16
+    for (int lane = 0; lane < LANES; ++lane) total += values[lane];
+    return total;
+}
+
+// One number each from a list.
+inline Floats pick(const float* from, Ints index) {
+#if defined(__AVX512F__)
+    return (Floats)_mm512_i32gather_ps((__m512i)index, from, 4);
+#elif defined(__AVX2__)
+    return (Floats)_mm256_i32gather_ps(from, (__m256i)index, 4);
+#else
+    Floats values;
+    for (int lane = 0; lane < LANES; ++lane) values[lane] = from[index[lane]];
+    return values;
+#endif
+}
+
+// The first three of four numbers each from a list.
+inline void pick_three(const float* from, const int32_t* index, Floats& x, Floats& y, Floats& z) {
+#if defined(__AVX512F__)
+    const Ints four = 4 * load_ints(index);
+    x = pick(from, four), y = pick(from + 1, four), z = pick(from + 2, four);
+#elif defined(__AVX2__)
+    const auto two = [&](int lane) {
+        const __m128 low = _mm_loadu_ps(from + 4 * static_cast<int64_t>(index[lane]));
+        const __m128 high = _mm_loadu_ps(from + 4 * static_cast<int64_t>(index[lane + 4]));
+        return _mm256_insertf128_ps(_mm256_castps128_ps256(low), high, 1);
+    };
+    const __m256 a = two(0), b = two(1), c = two(2), d = two(3);
+    const __m256 xy_ab = _mm256_unpacklo_ps(a, b), z_ab = _mm256_unpackhi_ps(a, b);
+    const __m256 xy_cd = _mm256_unpacklo_ps(c, d), z_cd = _mm256_unpackhi_ps(c, d);
+    x = (Floats)_mm256_shuffle_ps(xy_ab, xy_cd, 0x44);
+    y = (Floats)_mm256_shuffle_ps(xy_ab, xy_cd, 0xEE);
+    z = (Floats)_mm256_shuffle_ps(z_ab, z_cd, 0x44);
+#else
+    for (int lane = 0; lane < LANES; ++lane) {
+        const float* row = from + 4 * static_cast<int64_t>(index[lane]);
+        x[lane] = row[0], y[lane] = row[1], z[lane] = row[2];
+    }
+#endif
+}
+
+// The lanes of four vectors one after the other: the first of each, the second of each, and so on.
+inline void store_four(float* to, Floats a, Floats b, Floats c, Floats d) {
+#if defined(__AVX512F__)
+    const __m512 low_ab = _mm512_unpacklo_ps((__m512)a, (__m512)b), high_ab = _mm512_unpackhi_ps((__m512)a, (__m512)b);
+    const __m512 low_cd = _mm512_unpacklo_ps((__m512)c, (__m512)d), high_cd = _mm512_unpackhi_ps((__m512)c, (__m512)d);
+    // Each of four lanes of every 128 bits: lanes 0, 4, 8, 12, then 1, 5, 9, 13, and so on.
+    const __m512 first = _mm512_shuffle_ps(low_ab, low_cd, 0x44), second = _mm512_shuffle_ps(low_ab, low_cd, 0xEE);
+    const __m512 third = _mm512_shuffle_ps(high_ab, high_cd, 0x44), fourth = _mm512_shuffle_ps(high_ab, high_cd, 0xEE);
+    const __m512 p = _mm512_shuffle_f32x4(first, second, 0x44), q = _mm512_shuffle_f32x4(third, fourth, 0x44);
+    const __m512 r = _mm512_shuffle_f32x4(first, second, 0xEE), t = _mm512_shuffle_f32x4(third, fourth, 0xEE);
+    _mm512_storeu_ps(to, _mm512_shuffle_f32x4(p, q, 0x88));
+    _mm512_storeu_ps(to + 16, _mm512_shuffle_f32x4(p, q, 0xDD));
+    _mm512_storeu_ps(to + 32, _mm512_shuffle_f32x4(r, t, 0x88));
+    _mm512_storeu_ps(to + 48, _mm512_shuffle_f32x4(r, t, 0xDD));
+#elif defined(__AVX2__)
+    const __m256 low_ab = _mm256_unpacklo_ps((__m256)a, (__m256)b), high_ab = _mm256_unpackhi_ps((__m256)a, (__m256)b);
+    const __m256 low_cd = _mm256_unpacklo_ps((__m256)c, (__m256)d), high_cd = _mm256_unpackhi_ps((__m256)c, (__m256)d);
+    const __m256 first = _mm256_shuffle_ps(low_ab, low_cd, 0x44), second = _mm256_shuffle_ps(low_ab, low_cd, 0xEE);
+    const __m256 third = _mm256_shuffle_ps(high_ab, high_cd, 0x44), fourth = _mm256_shuffle_ps(high_ab, high_cd, 0xEE);
+    _mm256_storeu_ps(to, _mm256_permute2f128_ps(first, second, 0x20));
+    _mm256_storeu_ps(to + 8, _mm256_permute2f128_ps(third, fourth, 0x20));
+    _mm256_storeu_ps(to + 16, _mm256_permute2f128_ps(first, second, 0x31));
+    _mm256_storeu_ps(to + 24, _mm256_permute2f128_ps(third, fourth, 0x31));
+#else
+    for (int lane = 0; lane < LANES; ++lane) {
+        to[4 * lane] = a[lane];
+        to[4 * lane + 1] = b[lane];
+        to[4 * lane + 2] = c[lane];
+        to[4 * lane + 3] = d[lane];
+    }
+#endif
+}
+
 // Where other particles are, seen from one: displacement and index; `x` and so on are lists with room.
 struct Places {
     float *x, *y, *z;

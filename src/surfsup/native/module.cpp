@@ -28,6 +28,11 @@ using Weight = nb::ndarray<const float, nb::ndim<2>, nb::c_contig, nb::device::c
 using Bias = nb::ndarray<const float, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
 using Vectors = nb::ndarray<const float, nb::shape<-1, 3>, nb::c_contig, nb::device::cpu>;
 using NewVectors = nb::ndarray<float, nb::shape<-1, 3>, nb::c_contig, nb::device::cpu>;
+using Turn = nb::ndarray<const float, nb::shape<3, 3>, nb::c_contig, nb::device::cpu>;
+using Whole = nb::ndarray<const int32_t, nb::shape<-1>, nb::c_contig, nb::device::cpu>;
+using Nodes = nb::ndarray<const float, nb::shape<-1, 2, surfsup::NODES>, nb::c_contig, nb::device::cpu>;
+using NewActions = nb::ndarray<float, nb::shape<-1, surfsup::ACTIONS>, nb::c_contig, nb::device::cpu>;
+using NewSurroundings = nb::ndarray<float, nb::shape<-1, surfsup::SURROUNDINGS>, nb::c_contig, nb::device::cpu>;
 using Values = nb::ndarray<const float, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
 using Starts = nb::ndarray<const int64_t, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
 using Indices = Starts;
@@ -70,21 +75,20 @@ struct HeldNetwork {
     surfsup::Network network;
 };
 
-void make(HeldNetwork* network, std::tuple<Weight, Weight> encoder, std::tuple<Weight, Bias, Weight, Bias> factors,
+void make(HeldNetwork* network, const Weight& encoder, std::tuple<Weight, Bias, Weight, Bias> factors,
           const std::vector<std::tuple<Weight, Weight, Weight>>& layers, std::tuple<Weight, Weight> decoder,
-          std::tuple<Bias, Bias, float, float, float> solids, float radius, float frame_time, float reach,
+          std::tuple<Bias, float, float, float, float, float, float, float, float> solids, float radius, float around, float frame_time, float reach,
           float displacement_scale, float velocity_scale, float nearness_scale, float density_scale, float own_density,
-          float densest, float sweep_time, float of_rise, float of_excess, float least, float position_share, float largest,
+          float densest, float step_time, float of_rise, float of_excess, float least, float most_dense, float viscosity, float softened,
+          float position_share, float largest,
           const std::array<float, surfsup::SURROUNDINGS>& thickest) {
     const auto& [factor_in, factor_in_bias, factor_out, factor_out_bias] = factors;
     expect(factor_in_bias.shape(0), factor_in.shape(0), "a bias of the factors");
     expect(factor_out_bias.shape(0), factor_out.shape(0), "a bias of the factors");
-    const auto& [encode_in, encode_out] = encoder;
     const auto& [decode_in, decode_out] = decoder;
-    const auto& [density, slope, deepest, between, support] = solids;
-    expect(slope.shape(0), density.shape(0), "the slope of the solids' density");
-    if (density.shape(0) < 2) throw std::invalid_argument("the solids' density has fewer than two entries");
-    std::vector<Weight> weights{encode_in, encode_out, factor_in, factor_out, decode_in, decode_out};
+    const auto& [share, deepest, between, support, nearest, offset, strength, wall_cell, closest] = solids;
+    if (share.shape(0) < 2) throw std::invalid_argument("the solids' share has fewer than two entries");
+    std::vector<Weight> weights{encoder, factor_in, factor_out, decode_in, decode_out};
     std::vector<surfsup::Layer> all;
     for (const auto& [mix, own, out] : layers) {
         all.push_back({matrix(mix), matrix(own), matrix(out)});
@@ -92,16 +96,29 @@ void make(HeldNetwork* network, std::tuple<Weight, Weight> encoder, std::tuple<W
     }
     new (network) HeldNetwork{
         std::move(weights),
-        {factor_in_bias, factor_out_bias, density, slope},
-        {{radius, frame_time, reach, displacement_scale, velocity_scale, nearness_scale, density_scale, own_density,
-          densest, sweep_time, of_rise, of_excess, least, position_share, largest, thickest},
-         {deepest, between, support, static_cast<int>(density.shape(0)), density.data(), slope.data()},
-         matrix(encode_in), matrix(encode_out), matrix(factor_in), factor_in_bias.data(), matrix(factor_out),
+        {factor_in_bias, factor_out_bias, share},
+        {{radius, around, frame_time, reach, displacement_scale, velocity_scale, nearness_scale, density_scale, own_density,
+          densest, step_time, of_rise, of_excess, least, most_dense, viscosity, softened, position_share, largest, thickest},
+         {deepest, between, support, nearest, offset, strength, wall_cell, closest, static_cast<int>(share.shape(0)), share.data()},
+         matrix(encoder), matrix(factor_in), factor_in_bias.data(), matrix(factor_out),
          factor_out_bias.data(), all, matrix(decode_in), matrix(decode_out)}};
 }
 
-int64_t step(HeldNetwork& held, Vectors positions, Vectors velocities, Vectors ahead, Values distance, Vectors normal, Vector gravity, Vector lower, Vector upper,
-          NewVectors new_positions, NewVectors new_velocities, const std::string& path, int threads, int64_t most_edges) {
+void make_map(surfsup::SolidMap* map, Vector lower, Vector cell, Whole resolution, Whole places, Nodes nodes) {
+    expect(resolution.shape(0), 3, "resolution");
+    int64_t cells = 1;
+    for (int axis = 0; axis < 3; ++axis) cells *= resolution.data()[axis];
+    expect(places.shape(0), static_cast<size_t>(cells), "places");
+    for (int64_t k = 0; k < cells; ++k)
+        if (places.data()[k] >= static_cast<int64_t>(nodes.shape(0)) - 1) throw std::invalid_argument("a cell has nodes that are not there");
+    new (map) surfsup::SolidMap{{lower.data(), lower.data() + 3}, {}, {nodes.data(), nodes.data() + nodes.size()},
+                                {resolution.data(), resolution.data() + 3}, {places.data(), places.data() + cells}};
+    for (int axis = 0; axis < 3; ++axis) map->per_cell.push_back(1.0f / cell.data()[axis]);
+}
+
+surfsup::Fluid fluid_of(const Vectors& positions, const Vectors& velocities, const Vectors& ahead, const Values& distance,
+                        const Vectors& normal, const Vector& gravity, const Vector& lower, const Vector& upper,
+                        const surfsup::SolidMap* map, const Turn& turn) {
     const size_t count = velocities.shape(0);
     if (count >= static_cast<size_t>(std::numeric_limits<int32_t>::max()) / 4)
         throw std::invalid_argument("there are more particles than the native step can count");
@@ -109,13 +126,30 @@ int64_t step(HeldNetwork& held, Vectors positions, Vectors velocities, Vectors a
     expect(ahead.shape(0), count, "ahead");
     expect(distance.shape(0), count, "distance");
     expect(normal.shape(0), count, "normal");
-    expect(new_positions.shape(0), count, "new_positions");
-    expect(new_velocities.shape(0), count, "new_velocities");
+    return {static_cast<int32_t>(count), positions.data(), velocities.data(), ahead.data(), distance.data(), normal.data(),
+            gravity.data(), lower.data(), upper.data(), map ? map->view(turn.data()) : surfsup::MapView{}};
+}
+
+int64_t step(HeldNetwork& held, Vectors positions, Vectors velocities, Vectors ahead, Values distance, Vectors normal, Vector gravity,
+             Vector lower, Vector upper, const surfsup::SolidMap* map, Turn turn, NewVectors new_positions, NewVectors new_velocities, const std::string& path, int threads,
+             int64_t most_edges) {
+    const surfsup::Fluid fluid = fluid_of(positions, velocities, ahead, distance, normal, gravity, lower, upper, map, turn);
+    expect(new_positions.shape(0), velocities.shape(0), "new_positions");
+    expect(new_velocities.shape(0), velocities.shape(0), "new_velocities");
     const surfsup::Path& chosen = path_of(path);
-    const surfsup::Fluid fluid{static_cast<int32_t>(count), positions.data(), velocities.data(), ahead.data(), distance.data(), normal.data(), gravity.data(),
-                               lower.data(), upper.data(), new_positions.data(), new_velocities.data()};
     const nb::gil_scoped_release unlocked;
-    return held.network.step(fluid, chosen, threads, most_edges);
+    return held.network.step(fluid, new_positions.data(), new_velocities.data(), chosen, threads, most_edges);
+}
+
+int64_t observe(HeldNetwork& held, Vectors positions, Vectors velocities, Vectors ahead, Values distance, Vectors normal, Vector gravity,
+                Vector lower, Vector upper, const surfsup::SolidMap* map, Turn turn, NewActions acts, NewSurroundings lie, NewVectors faster, NewVectors farther,
+                const std::string& path, int threads, int64_t most_edges) {
+    const surfsup::Fluid fluid = fluid_of(positions, velocities, ahead, distance, normal, gravity, lower, upper, map, turn);
+    for (const size_t rows : {acts.shape(0), lie.shape(0), faster.shape(0), farther.shape(0)})
+        expect(rows, velocities.shape(0), "what is told");
+    const surfsup::Path& chosen = path_of(path);
+    const nb::gil_scoped_release unlocked;
+    return held.network.observe(fluid, {acts.data(), lie.data(), faster.data(), farther.data()}, chosen, threads, most_edges);
 }
 
 void look(const surfsup::Solid& solid, Vectors points, NewValues distance, NewVectors normal, int threads) {
@@ -308,16 +342,22 @@ NB_MODULE(_native, module) {
         .def("__init__", make_triangles, array("vertices"), array("faces"))
         .def("nearest", nearest, array("points"), array("at_most").none(), array("distance"), array("face"),
              array("closest"), "threads"_a);
+    nb::class_<surfsup::SolidMap>(module, "SolidMap")
+        .def("__init__", make_map, array("lower"), array("cell"), array("resolution"), array("places"), array("nodes"));
+
     nb::class_<surfsup::Solid>(module, "Solid")
         .def(nb::init<const std::string&, const std::vector<float>&, const std::vector<const surfsup::Solid*>&>(), "kind"_a,
              "numbers"_a, "parts"_a)
         .def("look", look, array("points"), array("distance"), array("normal"), "threads"_a);
     nb::class_<HeldNetwork>(module, "Network")
         .def("__init__", make, nb::kw_only(), array("encoder"), array("factors"), array("layers"), array("decoder"),
-             "solids"_a, "radius"_a, "frame_time"_a, "reach"_a, "displacement_scale"_a, "velocity_scale"_a,
-             "nearness_scale"_a, "density_scale"_a, "own_density"_a, "densest"_a, "sweep_time"_a, "of_rise"_a, "of_excess"_a, "least"_a, "position_share"_a, "largest"_a,
+             "solids"_a, "radius"_a, "around"_a, "frame_time"_a, "reach"_a, "displacement_scale"_a, "velocity_scale"_a,
+             "nearness_scale"_a, "density_scale"_a, "own_density"_a, "densest"_a, "step_time"_a, "of_rise"_a, "of_excess"_a, "least"_a, "most_dense"_a, "viscosity"_a, "softened"_a, "position_share"_a, "largest"_a,
              "thickest"_a)
         .def("step", step, array("positions"), array("velocities"),
-             array("ahead"), array("distance"), array("normal"), array("gravity"), array("lower"), array("upper"),
-             array("new_positions"), array("new_velocities"), "path"_a, "threads"_a, "most_edges"_a);
+             array("ahead"), array("distance"), array("normal"), array("gravity"), array("lower"), array("upper"), "map"_a.none(), array("turn"),
+             array("new_positions"), array("new_velocities"), "path"_a, "threads"_a, "most_edges"_a)
+        .def("observe", observe, array("positions"), array("velocities"),
+             array("ahead"), array("distance"), array("normal"), array("gravity"), array("lower"), array("upper"), "map"_a.none(), array("turn"),
+             array("acts"), array("lie"), array("faster"), array("farther"), "path"_a, "threads"_a, "most_edges"_a);
 }

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <atomic>
+#include <cmath>
 #include <new>
 #include <stdexcept>
 
@@ -11,6 +12,7 @@ namespace surfsup {
 namespace {
 
 constexpr int MULTIPLE = 16;  // of channels: the widest path's lanes
+constexpr float FAR_AWAY = 1e6f;  // metres, where the particle is that fills up lists of neighbours
 
 // (outputs, inputs) -> rows of `to`: an input a row, `to_width` wide, at column `first`.
 void transpose(const Matrix& matrix, float* to, int64_t to_width, int64_t first = 0) {
@@ -28,13 +30,12 @@ void expect(const Matrix& matrix, int64_t outputs, int64_t inputs, const char* n
 
 }  // namespace
 
-Network::Network(const Constants& constants, const SolidDensity& solids, Matrix encode_in, Matrix encode_out, Matrix factor_in,
+Network::Network(const Constants& constants, const SolidDensity& solids, Matrix encoder, Matrix factor_in,
                  const float* factor_in_bias, Matrix factor_out, const float* factor_out_bias,
                  const std::vector<Layer>& layers, Matrix decode_in, Matrix decode_out)
     : constants_(constants),
       solids_(solids),
-      given_encode_in_(encode_in),
-      given_encode_out_(encode_out),
+      given_encoder_(encoder),
       given_factor_in_(factor_in),
       given_factor_out_(factor_out),
       given_decode_in_(decode_in),
@@ -42,12 +43,11 @@ Network::Network(const Constants& constants, const SolidDensity& solids, Matrix 
       given_factor_in_bias_(factor_in_bias),
       given_factor_out_bias_(factor_out_bias),
       given_layers_(layers) {
-    const int64_t own = encode_in.outputs;
+    const int64_t own = encoder.outputs, inner = factor_in.outputs;
     if (own < 1 || layers.empty()) throw std::invalid_argument("a network has at least one channel and one layer");
-    expect(encode_in, own, ACTIONS, "encoder.0");
-    expect(encode_out, own, own, "encoder.2");
-    expect(factor_in, own, SURROUNDINGS, "factors.0");
-    expect(factor_out, 2 * own, own, "factors.2");
+    expect(encoder, own, ACTIONS, "encoder.0");
+    expect(factor_in, inner, SURROUNDINGS, "factors.0");
+    expect(factor_out, 2 * own, inner, "factors.2");
     expect(decode_in, own, own, "decoder.0");
     expect(decode_out, OUTPUTS, own, "decoder.2");
     const int64_t told = layers.front().mix.inputs;
@@ -59,28 +59,26 @@ Network::Network(const Constants& constants, const SolidDensity& solids, Matrix 
     }
     width_ = static_cast<int>((own + MULTIPLE - 1) / MULTIPLE * MULTIPLE);
     messages_ = static_cast<int>((told + MULTIPLE - 1) / MULTIPLE * MULTIPLE);
+    factors_width_ = static_cast<int>((inner + MULTIPLE - 1) / MULTIPLE * MULTIPLE);
     layers_ = static_cast<int>(layers.size());
 }
 
 void Network::read_weights() {
-    const int64_t own = given_encode_in_.outputs, width = width_;
-    encode_in_.assign(static_cast<size_t>(ACTIONS * width), 0.0f);
-    transpose(given_encode_in_, encode_in_.data(), width);
-    const auto square = [&](AlignedFloats& to, const Matrix& matrix) {
-        to.assign(static_cast<size_t>(width * width), 0.0f);
-        transpose(matrix, to.data(), width);
-    };
-    square(encode_out_, given_encode_out_);
-    square(decode_in_, given_decode_in_);
-    factor_in_.assign(static_cast<size_t>(SURROUNDINGS * width), 0.0f);
-    transpose(given_factor_in_, factor_in_.data(), width);
-    factor_in_bias_.assign(static_cast<size_t>(width), 0.0f);
-    std::copy_n(given_factor_in_bias_, own, factor_in_bias_.begin());
+    const int64_t own = given_encoder_.outputs, width = width_;
+    encoder_.assign(static_cast<size_t>(ACTIONS * width), 0.0f);
+    transpose(given_encoder_, encoder_.data(), width);
+    decode_in_.assign(static_cast<size_t>(width * width), 0.0f);
+    transpose(given_decode_in_, decode_in_.data(), width);
+    const int64_t given_inner = given_factor_in_.outputs, inner = factors_width_;
+    factor_in_.assign(static_cast<size_t>(SURROUNDINGS * inner), 0.0f);
+    transpose(given_factor_in_, factor_in_.data(), inner);
+    factor_in_bias_.assign(static_cast<size_t>(inner), 0.0f);
+    std::copy_n(given_factor_in_bias_, given_inner, factor_in_bias_.begin());
     // The first and the last factors, each from a multiple of the lanes on.
-    factor_out_.assign(static_cast<size_t>(width * 2 * width), 0.0f);
+    factor_out_.assign(static_cast<size_t>(inner * 2 * width), 0.0f);
     factor_out_bias_.assign(static_cast<size_t>(2 * width), 0.0f);
     for (int64_t half = 0; half < 2; ++half) {
-        const Matrix matrix{given_factor_out_.values + half * own * own, own, own};
+        const Matrix matrix{given_factor_out_.values + half * own * given_inner, own, given_inner};
         transpose(matrix, factor_out_.data(), 2 * width, half * width);
         std::copy_n(given_factor_out_bias_ + half * own, own, factor_out_bias_.begin() + half * width);
     }
@@ -99,41 +97,42 @@ void Network::read_weights() {
     transpose(given_decode_out_, decode_out_.data(), OUTPUT_ROOM);
 }
 
-int64_t Network::step(const Fluid& fluid, const Path& path, int threads, int64_t most_edges) {
-    const std::lock_guard<std::mutex> alone(stepping_);
+int64_t Network::look(const Fluid& fluid, const Path& path, int threads, int64_t most_edges, Frame& frame) {
     const auto count = static_cast<size_t>(fluid.count);
-    if (count == 0) return 0;
     read_weights();
     halfway_.resize(3 * count);
     for (size_t k = 0; k < 3 * count; ++k) halfway_[k] = 0.5f * (fluid.positions[k] + fluid.ahead[k]);
-    const bool finite = cells_.sort(halfway_.data(), fluid.count, constants_.radius);
+    const bool finite = cells_.sort(halfway_.data(), fluid.count, constants_.around);
     const int32_t* order = cells_.order();
     for (auto* sorted : {&x_, &y_, &z_}) sorted->resize(count + MULTIPLE);
     velocity_.resize(4 * count);
+    for (auto* with_one_more : {&place_, &speed_}) with_one_more->resize(4 * (count + 1));
+    for (auto* with_one_more : {&taken_, &lightness_}) with_one_more->resize(count + 1);
     for (size_t i = 0; i < count; ++i) {
         const size_t caller = static_cast<size_t>(order[i]);
         x_[i] = halfway_[3 * caller];
         y_[i] = halfway_[3 * caller + 1];
         z_[i] = halfway_[3 * caller + 2];
-        for (size_t axis = 0; axis < 3; ++axis) velocity_[4 * i + axis] = fluid.velocities[3 * caller + axis];
+        for (size_t axis = 0; axis < 3; ++axis) {
+            place_[4 * i + axis] = fluid.positions[3 * caller + axis];
+            speed_[4 * i + axis] = velocity_[4 * i + axis] = fluid.velocities[3 * caller + axis];
+        }
+        place_[4 * i + 3] = speed_[4 * i + 3] = 0.0f;
         velocity_[4 * i + 3] = 1.0f;
     }
-    const size_t cells = count * static_cast<size_t>(width_);
-    for (auto* values : {&factors_, &hidden_[0], &hidden_[1]}) values->resize(cells);
-    for (auto& values : told_) values.resize(count * static_cast<size_t>(messages_));
+    std::fill_n(&place_[4 * count], 4, FAR_AWAY);
+    std::fill_n(&speed_[4 * count], 4, 0.0f);
+    taken_[count] = lightness_[count] = 0.0f;
     edges_.resize(count);
     sweeps_.resize(count);
-    faster_.resize(4 * count);
-    taken_.resize(count);
     const size_t with_room = count + static_cast<size_t>(path.rows);
     acts_.resize(with_room * ACTIONS);
     lie_.resize(with_room * SURROUNDINGS);
 
-    Frame frame{};
     frame.count = fluid.count;
     frame.constants = constants_;
     frame.solids = solids_;
-    frame.weights = {width_, messages_, layers_, encode_in_.data(), encode_out_.data(), factor_in_.data(),
+    frame.weights = {width_, messages_, layers_, factors_width_, encoder_.data(), factor_in_.data(),
                      factor_in_bias_.data(), factor_out_.data(), factor_out_bias_.data(), mix_.data(), out_.data(),
                      decode_in_.data(), decode_out_.data()};
     frame.cells = cells_.cells();
@@ -146,22 +145,19 @@ int64_t Network::step(const Fluid& fluid, const Path& path, int threads, int64_t
         frame.gravity[axis] = fluid.gravity[axis];
         frame.lower[axis] = fluid.lower[axis];
         frame.upper[axis] = fluid.upper[axis];
+        const float size = fluid.upper[axis] - fluid.lower[axis];
+        frame.cell[axis] = size / std::max(1.0f, std::nearbyint(size / solids_.wall_cell));
     }
-    frame.new_positions = fluid.new_positions, frame.new_velocities = fluid.new_velocities;
+    frame.map = fluid.map;
     frame.edges = edges_.data();
     frame.acts = acts_.data(), frame.lie = lie_.data();
-    frame.sweeps = sweeps_.data(), frame.faster = faster_.data(), frame.taken = taken_.data();
-    frame.factors = factors_.data();
-    for (int which = 0; which < 2; ++which) {
-        frame.hidden[which] = hidden_[which].data();
-        frame.told[which] = told_[which].data();
-    }
+    frame.sweeps = sweeps_.data();
+    frame.place = place_.data(), frame.speed = speed_.data();
+    frame.taken = taken_.data(), frame.lightness = lightness_.data();
 
     const int most = std::max(1, threads);
     arenas_.resize(std::max(arenas_.size(), static_cast<size_t>(most)));
-    scratch_.resize(std::max(scratch_.size(), static_cast<size_t>(most)));
     for (Arena& arena : arenas_) arena.reset();
-    for (auto& scratch : scratch_) scratch.resize(static_cast<size_t>(path.scratch(frame)));
     std::atomic<int64_t> edges{0};
     std::atomic<bool> enough{true};
     const int32_t portion = 4 * path.rows;
@@ -173,13 +169,35 @@ int64_t Network::step(const Fluid& fluid, const Path& path, int threads, int64_t
     });
     if (!enough) throw std::bad_alloc();
     if (edges > most_edges) return edges;
-    for (int step = 0; step < SWEEP_STEPS; ++step) {
-        if (step > 0)
-            in_parallel(most, fluid.count, portion, [&](int, int32_t begin, int32_t end) { path.press(frame, step, false, begin, end); });
-        in_parallel(most, fluid.count, portion, [&](int, int32_t begin, int32_t end) { path.push(frame, false, begin, end); });
-        in_parallel(most, fluid.count, portion, [&](int, int32_t begin, int32_t end) { path.press(frame, step, true, begin, end); });
-        in_parallel(most, fluid.count, portion, [&](int, int32_t begin, int32_t end) { path.push(frame, true, begin, end); });
+    for (int step = 0; step < SOLVER_STEPS; ++step) {
+        in_parallel(most, fluid.count, portion, [&](int, int32_t begin, int32_t end) { path.approach(frame, step, begin, end); });
+        in_parallel(most, fluid.count, portion, [&](int, int32_t begin, int32_t end) { path.push(frame, begin, end); });
+        in_parallel(most, fluid.count, portion, [&](int, int32_t begin, int32_t end) { path.press(frame, step, begin, end); });
+        in_parallel(most, fluid.count, portion, [&](int, int32_t begin, int32_t end) { path.leave(frame, step, begin, end); });
     }
+    in_parallel(most, fluid.count, portion, [&](int, int32_t begin, int32_t end) { path.tell(frame, begin, end); });
+    return finite ? edges.load() : -1;
+}
+
+int64_t Network::step(const Fluid& fluid, float* positions, float* velocities, const Path& path, int threads, int64_t most_edges) {
+    const std::lock_guard<std::mutex> alone(stepping_);
+    if (fluid.count == 0) return 0;
+    Frame frame{};
+    const int64_t edges = look(fluid, path, threads, most_edges, frame);
+    if (edges > most_edges) return edges;
+    const auto count = static_cast<size_t>(fluid.count);
+    for (auto* values : {&factors_, &hidden_[0], &hidden_[1]}) values->resize(count * static_cast<size_t>(width_));
+    frame.factors = factors_.data();
+    for (int which = 0; which < 2; ++which) {
+        told_[which].resize(count * static_cast<size_t>(messages_));
+        frame.hidden[which] = hidden_[which].data();
+        frame.told[which] = told_[which].data();
+    }
+    frame.new_positions = positions, frame.new_velocities = velocities;
+    const int most = std::max(1, threads);
+    scratch_.resize(std::max(scratch_.size(), static_cast<size_t>(most)));
+    for (auto& scratch : scratch_) scratch.resize(static_cast<size_t>(path.scratch(frame)));
+    const int32_t portion = 4 * path.rows;
     in_parallel(most, fluid.count, portion, [&](int thread, int32_t begin, int32_t end) {
         path.encode(frame, begin, end, scratch_[static_cast<size_t>(thread)].data());
     });
@@ -187,7 +205,23 @@ int64_t Network::step(const Fluid& fluid, const Path& path, int threads, int64_t
         in_parallel(most, fluid.count, portion, [&](int thread, int32_t begin, int32_t end) {
             path.layer(frame, number, begin, end, scratch_[static_cast<size_t>(thread)].data());
         });
-    return finite ? edges.load() : -1;
+    return edges;
+}
+
+int64_t Network::observe(const Fluid& fluid, const Told& told, const Path& path, int threads, int64_t most_edges) {
+    const std::lock_guard<std::mutex> alone(stepping_);
+    if (fluid.count == 0) return 0;
+    Frame frame{};
+    const int64_t edges = look(fluid, path, threads, most_edges, frame);
+    if (edges > most_edges) return edges;
+    for (int64_t i = 0; i < fluid.count; ++i) {
+        const int64_t caller = frame.order[i];
+        std::copy_n(frame.acts + i * ACTIONS, ACTIONS, told.acts + caller * ACTIONS);
+        std::copy_n(frame.lie + i * SURROUNDINGS, SURROUNDINGS, told.lie + caller * SURROUNDINGS);
+        std::copy_n(frame.sweeps[i].faster, 3, told.faster + caller * 3);
+        std::copy_n(frame.sweeps[i].farther, 3, told.farther + caller * 3);
+    }
+    return edges;
 }
 
 std::vector<const Path*> paths() {

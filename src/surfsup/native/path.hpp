@@ -3,6 +3,7 @@
 
 #include "frame.hpp"
 #include "lanes.hpp"
+#include "solid_map_path.hpp"
 
 namespace PATH {
 namespace {
@@ -82,7 +83,7 @@ inline void gather(const Edges& edges, const float* told, int row, float* to) {
         for (int v = 0; v < VECTORS; ++v) values[v] = load(from + v * LANES);
 #pragma GCC unroll 4
         for (int m = 0; m < KERNELS; ++m) {
-            const Floats weight = splat(edges.kernels[m * count + e]);
+            const Floats weight = splat(edges.kernels[KERNELS * e + m]);
 #pragma GCC unroll 2
             for (int v = 0; v < VECTORS; ++v) to_these[m][v] += weight * values[v];
         }
@@ -123,8 +124,8 @@ inline bool make_room(Arena& arena, int64_t count, Places& places) {
 struct Search {
     int32_t cell = 0;  // that was seen last, counted from one
     int64_t count = 0, room = 0;
-    Places candidates{}, within[ROWS]{};
-    int64_t found[ROWS]{}, row_room[ROWS]{};
+    Places candidates{}, within[ROWS]{}, nearer{};
+    int64_t found[ROWS]{}, row_room[ROWS]{}, nearer_room = 0;
 };
 
 // Copies what is in the cells around `cell`, filled up to whole vectors by what is infinitely far.
@@ -176,21 +177,17 @@ inline bool see_cell(const Frame& frame, int32_t cell, Search& search, Arena& ar
     return true;
 }
 
-// The four kernels of convolution.py, each a list of `count` edges. Whole vectors are stored: what spills over a list's end
-// is overwritten by what comes there, and behind the last list there must be room for a vector.
+// The four kernels of convolution.py, side by side for each of `count` edges. Whole vectors of edges are stored, so there
+// must be room for what spills over.
 inline void kernels_of(const Frame& frame, const Places& edges, int64_t count, float* to) {
     const float scale = 1.0f / frame.constants.radius;
-    // The last vector, which spills, comes first.
-    for (int64_t e = (count - 1) / LANES * LANES; e >= 0; e -= LANES) {
+    for (int64_t e = 0; e < count; e += LANES) {
         const Floats x = load(edges.x + e) * scale, y = load(edges.y + e) * scale, z = load(edges.z + e) * scale;
         const Floats distance = square_root(x * x + y * y + z * z);
         const Floats whole = at_least(1.0f - distance, 0.0f), inner = at_least(0.5f - distance, 0.0f);
         const Floats of_whole = whole * whole, of_inner = 4.0f * inner * inner;
         const Floats along = 3.0f * (of_whole - of_inner) * reciprocal(at_least(distance, 1e-6f));
-        store(to + e, 2.0f * (of_whole * whole - of_inner * inner));
-        store(to + count + e, along * x);
-        store(to + 2 * count + e, along * y);
-        store(to + 3 * count + e, along * z);
+        store_four(to + KERNELS * e, 2.0f * (of_whole * whole - of_inner * inner), along * x, along * y, along * z);
     }
 }
 
@@ -213,44 +210,96 @@ inline bool find_within(const Frame& frame, int32_t i, float radius, int row, Se
     return true;
 }
 
-// The neighbours of a sorted particle, which is a row of the search, and their kernels.
+// The neighbours of a sorted particle, which is a row of the search.
 inline bool keep_edges(const Frame& frame, int32_t i, int row, Search& search, Arena& arena) {
     const Places& within = search.within[row];
-    const int64_t edges = search.found[row];
-    auto* memory = static_cast<float*>(take(arena, 4 * ((KERNELS + 1) * edges + LANES)));
-    if (!memory) return false;
-    auto* senders = reinterpret_cast<int32_t*>(memory + KERNELS * edges);
-    kernels_of(frame, within, edges, memory);
-    std::memcpy(senders, within.index, 4 * static_cast<size_t>(edges));
-    frame.edges[i] = {memory, senders, static_cast<int32_t>(edges)};
+    const int64_t all = search.found[row], filled = (all + LANES - 1) / LANES * LANES;
+    if (search.nearer_room < search.room) {
+        search.nearer_room = search.room;
+        if (!make_room(arena, search.room, search.nearer)) return false;
+    }
+    const float radius = frame.constants.radius;
+    const Ints beyond = Ints{} + frame.count;
+    int64_t near = 0;
+    Ints lane;
+#pragma GCC unroll 16
+    for (int l = 0; l < LANES; ++l) lane[l] = l;
+    for (int64_t k = 0; k < filled; k += LANES) {
+        const Floats x = load(within.x + k), y = load(within.y + k), z = load(within.z + k);
+        const Ints index = load_ints(within.index + k), one = lane < static_cast<int32_t>(all - k);
+        near = append(search.nearer, near, (x * x + y * y + z * z <= radius * radius) & one, x, y, z, index);
+        store(within.index + k, (index & one) | (beyond & ~one));
+    }
+    auto* memory = static_cast<float*>(take(arena, 4 * ((KERNELS + 1) * near + KERNELS * LANES)));
+    auto* slopes = static_cast<float*>(take(arena, 4 * (4 + 1) * filled + 4));
+    if (!memory || !slopes) return false;
+    auto *senders = reinterpret_cast<int32_t*>(memory + KERNELS * near), *others = reinterpret_cast<int32_t*>(slopes + 4 * filled);
+    kernels_of(frame, search.nearer, near, memory);  // what spills over is overwritten by the senders
+    std::memcpy(senders, search.nearer.index, 4 * static_cast<size_t>(near));
+    std::memcpy(others, within.index, 4 * static_cast<size_t>(filled));
+    frame.edges[i] = {memory, senders, static_cast<int32_t>(near), static_cast<int32_t>(filled), others, slopes};
     return true;
 }
 
 // The four sums over neighbours of (velocity, 1), and that of the squared slopes.
 inline float sum_velocities(const Frame& frame, const Edges& edges, FourFloats* sums) {
-    float squares = 0.0f;
-    const int64_t count = edges.count;
-    for (int64_t e = 0; e < count; ++e) {
+    FourFloats squares{};
+    for (int64_t e = 0; e < edges.count; ++e) {
         const FourFloats value = load_four(frame.velocity + 4 * static_cast<int64_t>(edges.senders[e]));
-        for (int m = 0; m < KERNELS; ++m) {
-            const float kernel = edges.kernels[m * count + e];
-            sums[m] += kernel * value;
-            if (m > 0) squares += kernel * kernel;
-        }
+        const FourFloats kernels = load_four(edges.kernels + KERNELS * e);
+#pragma GCC unroll 4
+        for (int m = 0; m < KERNELS; ++m) sums[m] += kernels[m] * value;
+        squares += kernels * kernels;
     }
-    return squares;
+    return squares[1] + squares[2] + squares[3];
 }
 
-// What a flat solid at a distance adds to density, and minus its slope a support radius; NaN stays NaN.
-inline void add_solid(const SolidDensity& solids, float distance, float& density, float& slope) {
-    slope = 0.0f;
+inline float dot(const float* a, const float* b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
+
+// What a solid at a distance that has a share of the neighbourhood adds to density, and its rise a metre; NaN stays NaN.
+inline void add_solid(const SolidDensity& solids, float distance, float share, float& density, float& rise) {
+    rise = 0.0f;
+    const float farther = distance + solids.offset, q = (farther < solids.nearest ? solids.nearest : farther) / solids.support;
+    if (q >= 1.0f) return;
+    const float whole = 1.0f - q, inner = q < 0.5f ? 0.5f - q : 0.0f, strength = solids.strength * share;
+    density += strength * (2.0f * whole * whole * whole - 8.0f * inner * inner * inner);
+    rise = strength * (6.0f * whole * whole - 24.0f * inner * inner) / solids.support;
+}
+
+// The share of its neighbourhood that a flat solid at a distance has; NaN stays NaN.
+inline float flat_share(const SolidDensity& solids, float distance) {
     const float place = (distance - solids.deepest) * (1.0f / solids.step);
-    if (place >= static_cast<float>(solids.entries - 1)) return;
+    if (place >= static_cast<float>(solids.entries - 1)) return 0.0f;
     const float at = place < 0.0f ? 0.0f : place;
     const int low = at == at ? static_cast<int>(at) : 0;
     const float part = at - static_cast<float>(low);
-    density += solids.density[low] * (1.0f - part) + solids.density[low + 1] * part;
-    slope = solids.slope[low] * (1.0f - part) + solids.slope[low + 1] * part;
+    return solids.share[low] * (1.0f - part) + solids.share[low + 1] * part;
+}
+
+// What the walls add to density at a place, and its slope a metre, as in walls.py.
+inline void add_walls(const Frame& frame, const float* place, float& density, float* slope) {
+    const SolidDensity& solids = frame.solids;
+    float distance[3], rounded = 1.0f, open = 0.0f, of_sides = 0.0f, square = 0.0f, left = 1.0f, rise;
+    for (int axis = 0; axis < 3; ++axis) {
+        const float below = place[axis] - frame.lower[axis], above = frame.upper[axis] - place[axis], cell = frame.cell[axis];
+        distance[axis] = below < above ? below : above;
+        const float part = (distance[axis] < solids.closest ? solids.closest : distance[axis]) / cell;
+        if (part >= 1.0f) {
+            slope[axis] = 0.0f;
+            continue;
+        }
+        const float steep = 1.0f / (part * cell);
+        rounded *= part;
+        open += 1.0f - part;
+        of_sides += (1.0f - part) * cell;
+        square += steep * steep;
+        slope[axis] = below < above ? -steep : steep;
+    }
+    if (open == 0.0f) return;
+    for (const float one : distance) left *= 1.0f - flat_share(solids, one);
+    add_solid(solids, rounded * of_sides / open, 1.0f - left, density, rise);
+    const float scale = rise / __builtin_sqrtf(square);
+    for (int axis = 0; axis < 3; ++axis) slope[axis] *= scale;
 }
 
 // 1 at contact, 0 from the reach on, at most 2 inside; NaN stays NaN.
@@ -260,63 +309,37 @@ inline float nearness(const Frame& frame, float distance) {
 }
 
 // What solid and walls add to density at a place, and its slope a metre, as in sweeps.py.
-inline float of_solids(const Frame& frame, int64_t caller, const float* place, float* slope) {
-    const float* normal = frame.normal + 3 * caller;
-    const float *from = frame.positions + 3 * caller, *ahead = frame.ahead + 3 * caller;
-    float away = 0.0f, back = 0.0f, density = 0.0f, of_solid;
-    for (int axis = 0; axis < 3; ++axis) {
-        const float halfway = 0.5f * (from[axis] + ahead[axis]);
-        back += (halfway - ahead[axis]) * normal[axis];
-        away += (place[axis] - halfway) * normal[axis];
+inline float of_solids(const Frame& frame, int64_t caller, const float* place, bool near_solid, float* slope) {
+    float density = 0.0f, rise, distance, share, normal[3];
+    add_walls(frame, place, density, slope);
+    if (!near_solid) return density;
+    if (frame.map.places) {
+        look_up(frame.map, place, distance, share, normal);
+    } else {
+        const float* ahead = frame.ahead + 3 * caller;
+        distance = frame.distance[caller];
+        for (int axis = 0; axis < 3; ++axis) {
+            normal[axis] = frame.normal[3 * caller + axis];
+            distance += (place[axis] - ahead[axis]) * normal[axis];
+        }
+        share = flat_share(frame.solids, distance);
     }
-    add_solid(frame.solids, frame.distance[caller] + back + away, density, of_solid);
-    for (int axis = 0; axis < 3; ++axis) {
-        float of_lower, of_upper;
-        add_solid(frame.solids, place[axis] - frame.lower[axis], density, of_lower);
-        add_solid(frame.solids, frame.upper[axis] - place[axis], density, of_upper);
-        slope[axis] = (of_upper - of_lower - of_solid * normal[axis]) / frame.solids.support;
-    }
+    add_solid(frame.solids, distance, share, density, rise);
+    for (int axis = 0; axis < 3; ++axis) slope[axis] -= rise * normal[axis];
     return density;
 }
 
-inline float dot(const float* a, const float* b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
-
 inline float at_least_none(float value) { return value < 0.0f ? 0.0f : value; }
 
-// What of a step's sweep takes from rising density, and all that stays the same in it.
-inline void begin_step(const Frame& frame, int32_t i, int step) {
-    const Constants& c = frame.constants;
-    Sweep& sweep = frame.sweeps[i];
-    const int64_t caller = frame.order[i];
-    const float *velocity = frame.velocities + 3 * caller, *from = frame.positions + 3 * caller, *faster = frame.faster + 4 * static_cast<int64_t>(i);
-    const float time = c.sweep_time, gone = static_cast<float>(step) * time;
-    float speed[3];
-    for (int axis = 0; axis < 3; ++axis) speed[axis] = velocity[axis] + gone * frame.gravity[axis] + faster[axis];
-    sweep.density = sweep.fluid;
-    if (sweep.near_solids) {
-        float place[3], later[3], unused[3];
-        for (int axis = 0; axis < 3; ++axis) {
-            const float fallen = gone * frame.gravity[axis];
-            place[axis] = from[axis] + gone * (velocity[axis] + 0.5f * (time * frame.gravity[axis] + fallen)) + sweep.farther[axis];
-            later[axis] = place[axis] + 0.5f * time * speed[axis];
-        }
-        sweep.density += of_solids(frame, caller, place, unused);
-        of_solids(frame, caller, later, sweep.slope_of_solids);
-    }
-    for (int axis = 0; axis < 3; ++axis) sweep.slope[axis] = sweep.slope_of_fluid[axis] + sweep.slope_of_solids[axis];
-    const float size = dot(sweep.slope, sweep.slope) + sweep.stiffness;
-    sweep.ease = size > c.least ? 1.0f / size : size != size ? size : 0.0f;
-    if (step == 0) sweep.allowed = sweep.density < 1.0f ? 1.0f : sweep.density;
-    frame.taken[i] = at_least_none(c.of_rise * sweep.ease * (sweep.rising + dot(sweep.slope_of_solids, speed)));
-}
-
-// Where no solid can be felt in the frame: it is farther away than a particle that something stops suddenly goes.
-inline bool may_feel_solids(const Frame& frame, int64_t caller) {
+// Whether solid and walls can be felt in the frame: no particle that something stops or throws goes farther than this from
+// where ballistic motion would take it, and a map's distance is off by a few millimetres where the solid has edges.
+inline void find_what_is_felt(const Frame& frame, int64_t caller, Sweep& sweep) {
     const float *velocity = frame.velocities + 3 * caller, *ahead = frame.ahead + 3 * caller;
-    const float reach = frame.solids.support + frame.constants.frame_time * 2.0f * __builtin_sqrtf(dot(velocity, velocity)) + 0.03f;
-    bool far = frame.distance[caller] > reach;
-    for (int axis = 0; axis < 3; ++axis) far = far && ahead[axis] - frame.lower[axis] > reach && frame.upper[axis] - ahead[axis] > reach;
-    return !far;
+    const float reach = frame.solids.support + 1.5f * frame.constants.frame_time * __builtin_sqrtf(dot(velocity, velocity)) + 0.01f;
+    sweep.near_solid = !(frame.distance[caller] > reach);
+    sweep.near_walls = false;
+    for (int axis = 0; axis < 3; ++axis)
+        sweep.near_walls = sweep.near_walls || !(ahead[axis] - frame.lower[axis] > reach && frame.upper[axis] - ahead[axis] > reach);
 }
 
 // What acts on a sorted particle but for the sweeps, how its neighbours lie, as in features.py, and what sweeps begin with.
@@ -331,8 +354,8 @@ inline void observe(const Frame& frame, int32_t i) {
 
     const float to_velocity = 1.0f / c.velocity_scale, to_nearness = 1.0f / c.nearness_scale, to_density = 1.0f / c.density_scale;
     const float near_solid = nearness(frame, frame.distance[caller]);
-    float solid = 0.0f, of_solid, into_solids[3];
-    add_solid(frame.solids, frame.distance[caller], solid, of_solid);
+    float into_solids[3];
+    const float solid = of_solids(frame, caller, ahead, near_solid > 0.0f || near_solid != near_solid, into_solids);
     acts[6] = near_solid * to_nearness;
     for (int axis = 0; axis < 3; ++axis) acts[7 + axis] = near_solid * to_nearness * normal[axis];
     acts[10] = near_solid * dot(velocity, normal) * to_velocity;
@@ -343,10 +366,6 @@ inline void observe(const Frame& frame, int32_t i) {
         acts[14 + axis] = high * to_nearness;
         acts[17 + axis] = low * velocity[axis] * to_velocity;
         acts[20 + axis] = high * -velocity[axis] * to_velocity;
-        float of_lower, of_upper;
-        add_solid(frame.solids, to_lower, solid, of_lower);
-        add_solid(frame.solids, to_upper, solid, of_upper);
-        into_solids[axis] = of_upper - of_lower - of_solid * normal[axis];
     }
     for (int m = 0; m < KERNELS; ++m) {
         lie[m] = sums[m][3];
@@ -359,79 +378,135 @@ inline void observe(const Frame& frame, int32_t i) {
     float rise = 0.0f;
     for (int axis = 0; axis < 3; ++axis) rise -= sums[1 + axis][axis] - lie[1 + axis] * velocity[axis];
     rise *= scale;
-    const float half = 0.5f * c.frame_time * rise, over = own * (1.0f + lie[0]) + half + solid - 1.0f, most = c.densest - 1.0f;
+    const float over = own * (1.0f + lie[0]) + 0.5f * c.frame_time * rise + solid - 1.0f, most = c.densest - 1.0f;
     acts[35] = (over < 0.0f ? 0.0f : over > most ? most : over) * to_density;
-    acts[36] = (rise + dot(into_solids, velocity) / frame.solids.support) * c.frame_time * to_density;
+    acts[36] = (rise + dot(into_solids, velocity)) * c.frame_time * to_density;
 
-    Sweep& sweep = frame.sweeps[i];
-    sweep = {};
-    for (int axis = 0; axis < 3; ++axis) sweep.slope_of_fluid[axis] = scale * lie[1 + axis];
-    sweep.stiffness = scale * scale * squares;
-    sweep.rise = sweep.rising = rise;
-    sweep.fluid = own * (1.0f + lie[0]) - half;
-    sweep.near_solids = may_feel_solids(frame, caller);
-    store(frame.faster + 4 * static_cast<int64_t>(i), FourFloats{});
-    begin_step(frame, i, 0);
+    frame.sweeps[i] = {};
+    find_what_is_felt(frame, caller, frame.sweeps[i]);
     for (int m = 0; m < SURROUNDINGS; ++m) {
         const float thickest = c.thickest[m];
         lie[m] = lie[m] > thickest ? thickest : lie[m] < -thickest ? -thickest : lie[m];
     }
 }
 
-// Velocities by the pressures of all.
-void push(const Frame& frame, bool last_of_step, int32_t begin, int32_t end) {
+// Density at the places of a step, and the pressures against its rise.
+void approach(const Frame& frame, int step, int32_t begin, int32_t end) {
     const Constants& c = frame.constants;
-    const float scale = 2.0f * c.own_density / c.radius;
+    const float scale = 2.0f * c.own_density / c.radius, shrink = 1.0f / c.radius, fallen = static_cast<float>(step) * c.step_time;
     for (int32_t i = begin; i < end; ++i) {
         const Edges& edges = frame.edges[i];
-        const int64_t count = edges.count;
-        const float* kernels = edges.kernels;
-        float x = 0.0f, y = 0.0f, z = 0.0f;
-        for (int64_t e = 0; e < count; ++e) {
-            const float taken = frame.taken[edges.senders[e]];
-            x += taken * kernels[count + e];
-            y += taken * kernels[2 * count + e];
-            z += taken * kernels[3 * count + e];
+        const float *place = frame.place + 4 * static_cast<int64_t>(i), *speed = frame.speed + 4 * static_cast<int64_t>(i);
+        Floats window{}, slope_x{}, slope_y{}, slope_z{}, parting{}, squares{};
+        for (int32_t e = 0; e < edges.all_count; e += LANES) {
+            Floats x, y, z, vx, vy, vz;
+            pick_three(frame.place, edges.all + e, x, y, z);
+            pick_three(frame.speed, edges.all + e, vx, vy, vz);
+            x = (x - place[0]) * shrink, y = (y - place[1]) * shrink, z = (z - place[2]) * shrink;
+            const Floats square = x * x + y * y + z * z, distance = square_root(square);
+            const Floats whole = at_least(1.0f - distance, 0.0f), inner = at_least(0.5f - distance, 0.0f);
+            const Floats of_whole = whole * whole, of_inner = 4.0f * inner * inner;
+            const Floats along = 3.0f * (of_whole - of_inner) * reciprocal(at_least(distance, 1e-6f));
+            const Floats fx = along * x, fy = along * y, fz = along * z;
+            float* slopes = edges.slopes + 4 * e;
+            store(slopes, fx);
+            store(slopes + LANES, fy);
+            store(slopes + 2 * LANES, fz);
+            store(slopes + 3 * LANES, along * reciprocal(at_least(along * along * (square + c.softened), 1e-30f)));
+            window += 2.0f * (of_whole * whole - of_inner * inner);
+            slope_x += fx, slope_y += fy, slope_z += fz;
+            parting += fx * (vx - speed[0]) + fy * (vy - speed[1]) + fz * (vz - speed[2]);
+            squares += fx * fx + fy * fy + fz * fz;
         }
         Sweep& sweep = frame.sweeps[i];
-        float* faster = frame.faster + 4 * static_cast<int64_t>(i);
-        const float sums[3] = {x, y, z}, own = frame.taken[i];
-        for (int axis = 0; axis < 3; ++axis) {
-            faster[axis] -= own * sweep.slope[axis] + scale * sums[axis];
-            if (last_of_step) sweep.farther[axis] += c.sweep_time * faster[axis];
+        float density = c.own_density * (1.0f + sum(window)), rise = -scale * sum(parting);
+        const float fluid[3] = {scale * sum(slope_x), scale * sum(slope_y), scale * sum(slope_z)};
+        if (sweep.near_solid || sweep.near_walls) {
+            density += of_solids(frame, frame.order[i], place, sweep.near_solid, sweep.slope_of_solids);
+            for (int axis = 0; axis < 3; ++axis) rise += sweep.slope_of_solids[axis] * (speed[axis] + fallen * frame.gravity[axis]);
         }
+        for (int axis = 0; axis < 3; ++axis) sweep.slope[axis] = fluid[axis] + sweep.slope_of_solids[axis];
+        const float size = dot(sweep.slope, sweep.slope) + scale * scale * sum(squares);
+        sweep.ease = size > c.least ? 1.0f / size : size != size ? size : 0.0f;
+        if (step == 0) {
+            const bool beside = !frame.map.places && frame.distance[frame.order[i]] < frame.solids.support;
+            sweep.allowed = beside && density > 1.0f ? density : 1.0f;
+        }
+        const float too_dense = density - sweep.allowed;
+        sweep.too_dense = too_dense > c.most_dense ? c.most_dense : too_dense;
+        frame.lightness[i] = 1.0f / density;
+        frame.taken[i] = at_least_none(c.of_rise * sweep.ease * rise);
     }
 }
 
-// Pressures by the velocities of all: against what would be too dense at the step's end, or those that the next step, number
-// `step`, begins with.
-void press(const Frame& frame, int step, bool excess, int32_t begin, int32_t end) {
+// What pressures take from a particle's speed: its own, and its neighbours'.
+inline void take_pressures(const Frame& frame, int32_t i, float* speed) {
+    const Edges& edges = frame.edges[i];
+    Floats x{}, y{}, z{};
+    for (int32_t e = 0; e < edges.all_count; e += LANES) {
+        const Floats taken = pick(frame.taken, load_ints(edges.all + e));
+        const float* slopes = edges.slopes + 4 * e;
+        x += taken * load(slopes);
+        y += taken * load(slopes + LANES);
+        z += taken * load(slopes + 2 * LANES);
+    }
+    const float scale = 2.0f * frame.constants.own_density / frame.constants.radius, own = frame.taken[i];
+    const float *slope = frame.sweeps[i].slope, sums[3] = {sum(x), sum(y), sum(z)};
+    for (int axis = 0; axis < 3; ++axis) speed[axis] -= own * slope[axis] + scale * sums[axis];
+}
+
+void push(const Frame& frame, int32_t begin, int32_t end) {
+    for (int32_t i = begin; i < end; ++i) {
+        float *speed = frame.speed + 4 * static_cast<int64_t>(i), *faster = frame.sweeps[i].faster;
+        const float* velocity = frame.velocity + 4 * static_cast<int64_t>(i);
+        take_pressures(frame, i, faster);
+        for (int axis = 0; axis < 3; ++axis) speed[axis] = velocity[axis] + faster[axis];
+    }
+}
+
+// Viscosity, and the pressures against what would be too dense at the step's end.
+void press(const Frame& frame, int step, int32_t begin, int32_t end) {
     const Constants& c = frame.constants;
-    const float scale = 2.0f * c.own_density / c.radius;
+    const float scale = 2.0f * c.own_density / c.radius, fallen = static_cast<float>(step + 1) * c.step_time;
     for (int32_t i = begin; i < end; ++i) {
         const Edges& edges = frame.edges[i];
-        const int64_t count = edges.count;
-        const float* kernels = edges.kernels;
-        float x = 0.0f, y = 0.0f, z = 0.0f;
-        for (int64_t e = 0; e < count; ++e) {
-            const float* of_sender = frame.faster + 4 * static_cast<int64_t>(edges.senders[e]);
-            x += of_sender[0] * kernels[count + e];
-            y += of_sender[1] * kernels[2 * count + e];
-            z += of_sender[2] * kernels[3 * count + e];
+        const float* speed = frame.speed + 4 * static_cast<int64_t>(i);
+        Floats parting{}, drag_x{}, drag_y{}, drag_z{};
+        for (int32_t e = 0; e < edges.all_count; e += LANES) {
+            Floats vx, vy, vz;
+            pick_three(frame.speed, edges.all + e, vx, vy, vz);
+            const float* slopes = edges.slopes + 4 * e;
+            const Floats fx = load(slopes), fy = load(slopes + LANES), fz = load(slopes + 2 * LANES);
+            const Floats along = fx * (vx - speed[0]) + fy * (vy - speed[1]) + fz * (vz - speed[2]);
+            const Floats each = along * load(slopes + 3 * LANES) * pick(frame.lightness, load_ints(edges.all + e));
+            parting += along;
+            drag_x += each * fx, drag_y += each * fy, drag_z += each * fz;
         }
         Sweep& sweep = frame.sweeps[i];
-        const float* faster = frame.faster + 4 * static_cast<int64_t>(i);
-        sweep.rising = sweep.rise + (dot(sweep.slope_of_fluid, faster) - scale * (x + y + z));
-        if (excess) {
-            const float* velocity = frame.velocities + 3 * static_cast<int64_t>(frame.order[i]);
-            float speed[3];
-            for (int axis = 0; axis < 3; ++axis)
-                speed[axis] = velocity[axis] + static_cast<float>(step + 1) * c.sweep_time * frame.gravity[axis] + faster[axis];
-            const float too_much = (sweep.density - sweep.allowed) / c.sweep_time + sweep.rising + dot(sweep.slope_of_solids, speed);
-            frame.taken[i] = at_least_none(c.of_excess * sweep.ease * too_much);
-        } else {
-            sweep.fluid += c.sweep_time * sweep.rising;
-            begin_step(frame, i, step);
+        const float viscous = c.viscosity * scale / c.radius;
+        sweep.drag[0] = viscous * sum(drag_x), sweep.drag[1] = viscous * sum(drag_y), sweep.drag[2] = viscous * sum(drag_z);
+        float rise = -scale * sum(parting);
+        if (sweep.near_solid || sweep.near_walls)
+            for (int axis = 0; axis < 3; ++axis) rise += sweep.slope_of_solids[axis] * (speed[axis] + fallen * frame.gravity[axis]);
+        frame.taken[i] = at_least_none(c.of_excess * sweep.ease * (sweep.too_dense / c.step_time + rise));
+    }
+}
+
+// What these do, and where the next step finds the particle.
+void leave(const Frame& frame, int step, int32_t begin, int32_t end) {
+    const float time = frame.constants.step_time, gone = static_cast<float>(step + 1) * time;
+    for (int32_t i = begin; i < end; ++i) {
+        Sweep& sweep = frame.sweeps[i];
+        take_pressures(frame, i, sweep.faster);
+        const float* from = frame.positions + 3 * static_cast<int64_t>(frame.order[i]);
+        const float* velocity = frame.velocity + 4 * static_cast<int64_t>(i);
+        float *place = frame.place + 4 * static_cast<int64_t>(i), *speed = frame.speed + 4 * static_cast<int64_t>(i);
+        for (int axis = 0; axis < 3; ++axis) {
+            sweep.faster[axis] += time * sweep.drag[axis];
+            sweep.farther[axis] += time * sweep.faster[axis];
+            const float falling = 0.5f * (time + gone) * frame.gravity[axis];
+            place[axis] = from[axis] + gone * (velocity[axis] + falling) + sweep.farther[axis];
+            speed[axis] = velocity[axis] + sweep.faster[axis];
         }
     }
 }
@@ -486,7 +561,7 @@ int64_t look(const Frame& frame, int32_t begin, int32_t end, Arena& arena) {
             const int32_t i = block + row, cell = frame.cells.of[i];
             fetch_caller(frame, i);
             if (cell + 1 != search.cell && !see_cell(frame, cell, search, arena)) return -1;
-            if (!find_within(frame, i, frame.constants.radius, row, search, arena)) return -1;
+            if (!find_within(frame, i, frame.constants.around, row, search, arena)) return -1;
         }
         // One thing after the other for all rows: what has only just been written piece by piece cannot be read at once.
         for (int row = 0; row < here; ++row) {
@@ -498,34 +573,36 @@ int64_t look(const Frame& frame, int32_t begin, int32_t end, Arena& arena) {
     return edges;
 }
 
+void tell(const Frame& frame, int32_t begin, int32_t end) {
+    const Constants& c = frame.constants;
+    for (int32_t i = begin; i < end; ++i) {
+        float* acts = frame.acts + static_cast<int64_t>(i) * ACTIONS;
+        for (int axis = 0; axis < 3; ++axis) {
+            acts[axis] = frame.sweeps[i].faster[axis] / c.velocity_scale;
+            acts[3 + axis] = frame.sweeps[i].farther[axis] / (c.frame_time * c.velocity_scale);
+        }
+    }
+}
+
 void encode(const Frame& frame, int32_t begin, int32_t end, float* scratch) {
     const Weights& w = frame.weights;
-    const Constants& c = frame.constants;
-    const int width = w.width;
-    float *one = scratch, *factors = one + ROWS * width;
+    const int width = w.width, inner = w.inner;
+    float *one = scratch, *factors = one + ROWS * inner;
     for (int32_t block = begin; block < end; block += ROWS) {
         const int here = end - block < ROWS ? end - block : ROWS;
-        float* acts = frame.acts + static_cast<int64_t>(block) * ACTIONS;
+        const float* acts = frame.acts + static_cast<int64_t>(block) * ACTIONS;
         const float* lie = frame.lie + static_cast<int64_t>(block) * SURROUNDINGS;
-        for (int row = 0; row < here; ++row)
-            for (int axis = 0; axis < 3; ++axis) {
-                acts[row * ACTIONS + axis] = frame.faster[4 * static_cast<int64_t>(block + row) + axis] / c.velocity_scale;
-                acts[row * ACTIONS + 3 + axis] = frame.sweeps[block + row].farther[axis] / (c.frame_time * c.velocity_scale);
-            }
-        product(lie, SURROUNDINGS, SURROUNDINGS, w.factor_in, width, [&](int row, int column, Floats sum) {
-            store(one + row * width + column, silu(sum + load(w.factor_in_bias + column)));
+        product(lie, SURROUNDINGS, SURROUNDINGS, w.factor_in, inner, [&](int row, int column, Floats sum) {
+            store(one + row * inner + column, silu(sum + load(w.factor_in_bias + column)));
         });
-        product(one, width, width, w.factor_out, 2 * width, [&](int row, int column, Floats sum) {
+        product(one, inner, inner, w.factor_out, 2 * width, [&](int row, int column, Floats sum) {
             store(factors + row * 2 * width + column, 1.0f + (sum + load(w.factor_out_bias + column)));
         });
-        product(acts, ACTIONS, ACTIONS, w.encode_in, width, [&](int row, int column, Floats sum) {
-            store(one + row * width + column, silu(sum));
-        });
-        product(one, width, width, w.encode_out, width, [&](int row, int column, Floats sum) {
+        product(acts, ACTIONS, ACTIONS, w.encoder, width, [&](int row, int column, Floats sum) {
             if (row >= here) return;
             const int64_t at = static_cast<int64_t>(block + row) * width + column;
             const float* factor = factors + row * 2 * width + column;
-            keep_hidden(frame, 0, block + row, column, sum * load(factor));
+            keep_hidden(frame, 0, block + row, column, silu(sum) * load(factor));
             store(frame.factors + at, load(factor + width));
         });
     }
@@ -544,7 +621,7 @@ inline void advance(const Frame& frame, int32_t i, float* out) {
     const float share = square > c.largest * c.largest ? c.largest / __builtin_sqrtf(square) : 1.0f;
     for (int axis = 0; axis < 3; ++axis) {
         const int64_t at = 3 * caller + axis;
-        const float faster = frame.faster[4 * static_cast<int64_t>(i) + axis], farther = frame.sweeps[i].farther[axis];
+        const float faster = frame.sweeps[i].faster[axis], farther = frame.sweeps[i].farther[axis];
         frame.new_positions[at] = frame.ahead[at] + farther + c.displacement_scale * share * position[axis];
         frame.new_velocities[at] = frame.velocities[at] + c.frame_time * frame.gravity[axis] + faster +
                                    c.displacement_scale / c.frame_time * share * velocity[axis];
@@ -604,7 +681,7 @@ void layer(const Frame& frame, int number, int32_t begin, int32_t end, float* sc
 
 int64_t scratch(const Frame& frame) {
     const int64_t width = frame.weights.width;
-    const int64_t to_encode = 3 * width, to_layer = KERNELS * frame.weights.messages + (1 + 1 + 2) * width + OUTPUT_ROOM;
+    const int64_t to_encode = frame.weights.inner + 2 * width, to_layer = KERNELS * frame.weights.messages + (1 + 1 + 2) * width + OUTPUT_ROOM;
     return ROWS * (to_encode > to_layer ? to_encode : to_layer);
 }
 

@@ -10,7 +10,7 @@ static bool supported() { return __builtin_cpu_supports("avx2") && __builtin_cpu
 #else
 static bool supported() { return false; }  // not a processor of that kind at all
 #endif
-const Path avx2 = {"avx2", supported, PATH::ROWS, PATH::scratch, PATH::look, PATH::push, PATH::press,
+const Path avx2 = {"avx2", supported, PATH::ROWS, PATH::scratch, PATH::look, PATH::approach, PATH::push, PATH::press, PATH::leave, PATH::tell,
                     PATH::encode, PATH::layer,
                      PATH::convolve, PATH::convolve_back, PATH::weigh, PATH::within, sizeof(PATH::Search), PATH::distance};
 }  // namespace surfsup

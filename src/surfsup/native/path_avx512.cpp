@@ -13,7 +13,7 @@ static bool supported() {
 #else
 static bool supported() { return false; }  // not a processor of that kind at all
 #endif
-const Path avx512 = {"avx512", supported, PATH::ROWS, PATH::scratch, PATH::look, PATH::push, PATH::press,
+const Path avx512 = {"avx512", supported, PATH::ROWS, PATH::scratch, PATH::look, PATH::approach, PATH::push, PATH::press, PATH::leave, PATH::tell,
                     PATH::encode, PATH::layer,
                      PATH::convolve, PATH::convolve_back, PATH::weigh, PATH::within, sizeof(PATH::Search), PATH::distance};
 }  // namespace surfsup

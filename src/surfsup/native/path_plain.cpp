@@ -6,7 +6,7 @@
 
 namespace surfsup {
 static bool supported() { return true; }
-const Path plain = {"plain", supported, PATH::ROWS, PATH::scratch, PATH::look, PATH::push, PATH::press,
+const Path plain = {"plain", supported, PATH::ROWS, PATH::scratch, PATH::look, PATH::approach, PATH::push, PATH::press, PATH::leave, PATH::tell,
                     PATH::encode, PATH::layer,
                      PATH::convolve, PATH::convolve_back, PATH::weigh, PATH::within, sizeof(PATH::Search), PATH::distance};
 }  // namespace surfsup

@@ -60,8 +60,17 @@ def surface_map(surface: Surface, container: Container) -> VolumeMap:
         InputError: the surface has no point near the container.
     """
     felt = surface if surface.exact_outside else MeshSurface(polygonise(surface, MESH_RESOLUTION), exact=True)
-    lower, upper = felt.bounds().detach().cpu().double().numpy()
+    return map_in(felt, container)
+
+
+def map_in(surface: Surface, container: Container, depth: float = SUPPORT_RADIUS) -> VolumeMap:
+    """The map of ``surface`` in a container, by its own value, with cells down to a ``depth`` in metres.
+
+    Raises:
+        InputError: the surface has no point near the container.
+    """
+    lower, upper = surface.bounds().detach().cpu().double().numpy()
     reach = SUPPORT_RADIUS + SURFACE_CELL
     lower = np.maximum(lower - reach, np.asarray(container.lower) - BEYOND)
     upper = np.minimum(upper + reach, np.asarray(container.upper) + BEYOND)
-    return volume_map(felt, lower, upper, np.full(3, SURFACE_CELL))
+    return volume_map(surface, lower, upper, np.full(3, SURFACE_CELL), depth)

@@ -15,22 +15,14 @@ import torch
 from scipy import fft
 
 from surfsup.errors import InputError
+from surfsup.reference.serendipity import NODES_A_SIDE, NODES_OF_CELL, OTHERS_OF_CELL, from_nodes_to_others
 from surfsup.scene import PARTICLE_RADIUS
 from surfsup.sdf import Surface
 
 SUPPORT_RADIUS = 4 * PARTICLE_RADIUS  # metres: the reach of the solver's smoothing kernel
 VOLUME_FACTOR = 0.8  # of the solver's volume maps
-NODES_A_SIDE = 3  # lattice steps a cell: two inner nodes on every edge
 SLOW = 0.1  # a wave's phase over the support radius up to which its series is the better way
 CHUNK = 250_000  # points a query, which bounds the memory of the surface's own intermediate tensors
-
-# The 32 nodes of a cubic serendipity cell in lattice steps from its lowest corner, in the order of Discregrid: the
-# corners, then two on every edge along x, along y and along z.
-CORNERS = [(x, y, z) for z in (0, 3) for y in (0, 3) for x in (0, 3)]
-EDGES_X = [(step, y, z) for y in (0, 3) for z in (0, 3) for step in (1, 2)]
-EDGES_Y = [(x, step, z) for z in (0, 3) for x in (0, 3) for step in (1, 2)]
-EDGES_Z = [(x, y, step) for x in (0, 3) for y in (0, 3) for step in (1, 2)]
-NODES_OF_CELL = np.array(CORNERS + EDGES_X + EDGES_Y + EDGES_Z)
 
 
 @dataclass(frozen=True)
@@ -56,7 +48,9 @@ class VolumeMap:
     volumes: np.ndarray
 
 
-def volume_map(surface: Surface, lower: np.ndarray, upper: np.ndarray, cell: np.ndarray) -> VolumeMap:
+def volume_map(
+    surface: Surface, lower: np.ndarray, upper: np.ndarray, cell: np.ndarray, depth: float = SUPPORT_RADIUS
+) -> VolumeMap:
     """The map of ``surface`` in the box from ``lower`` to ``upper`` (3,), in cells of the sides ``cell`` (3,).
 
     Args:
@@ -64,6 +58,7 @@ def volume_map(surface: Surface, lower: np.ndarray, upper: np.ndarray, cell: np.
         lower: lowest corner of the box in metres; it must reach a support radius beyond where particles go.
         upper: highest corner; moved outward to whole cells.
         cell: sides of a cell, metres.
+        depth: how far into the solid cells have nodes, metres.
 
     Raises:
         InputError: the surface has no point in the box.
@@ -74,10 +69,8 @@ def volume_map(surface: Surface, lower: np.ndarray, upper: np.ndarray, cell: np.
     around = np.ceil(SUPPORT_RADIUS / cell).astype(int)  # cells beyond the box which the integral reaches into
     padded = resolution + 2 * around
     start = lower - around * cell
-    middles = distance_at(surface, start + cell * (indices_of(np.arange(padded.prod()), padded) + 0.5))
-    # Whatever the distance at its middle, within a cell it changes by no more than the way to the corner.
-    reach = np.linalg.norm(cell) / 2
-    near = np.abs(middles) < SUPPORT_RADIUS + reach
+    middles = middle_distances(surface, start, cell, padded, depth)
+    near = may_be_near(middles, cell, depth)
     if not near.any():
         raise nothing_to_feel()
     distances = lattice_distances(surface, start, cell, padded, middles, near)
@@ -96,6 +89,32 @@ def volume_map(surface: Surface, lower: np.ndarray, upper: np.ndarray, cell: np.
         distances=distances.ravel()[places],
         volumes=volumes.ravel()[places],
     )
+
+
+def may_be_near(middles: np.ndarray, cell: np.ndarray, depth: float) -> np.ndarray:
+    """Which cells, by the distances at their middles, may have points near the surface.
+
+    Whatever the distance at its middle, within a cell it changes by no more than the way to the corner.
+    """
+    reach = np.linalg.norm(cell) / 2
+    return (middles < SUPPORT_RADIUS + reach) & (middles > -depth - reach)
+
+
+def middle_distances(
+    surface: Surface, start: np.ndarray, cell: np.ndarray, cells: np.ndarray, depth: float
+) -> np.ndarray:
+    """The distance at the middle of every cell, x fastest; of cells that are far, at that of a block of cells.
+
+    To ask of what is far takes a mesh longest.
+    """
+    middles = np.zeros(int(cells.prod()))
+    inside = indices_of(np.arange(len(middles)), cells)
+    asked = np.ones(len(middles), dtype=bool)
+    for size in (8, 4, 2, 1):
+        block, of = np.unique(inside[asked] // size, axis=0, return_inverse=True)
+        middles[asked] = distance_at(surface, start + size * cell * (block + 0.5))[of.ravel()]
+        asked &= may_be_near(middles, size * cell, depth)
+    return middles
 
 
 def nothing_to_feel() -> InputError:
@@ -119,8 +138,9 @@ def distance_at(surface: Surface, points: np.ndarray) -> np.ndarray:
 def lattice_distances(
     surface: Surface, start: np.ndarray, cell: np.ndarray, cells: np.ndarray, middles: np.ndarray, near: np.ndarray
 ) -> np.ndarray:
-    """Distances (X, Y, Z) on the lattice of all possible nodes, exact in the cells that are ``near``.
+    """Distances (X, Y, Z) on the lattice of all possible nodes, in cells that are ``near`` as the solver knows them.
 
+    There they are exact at the nodes, and in between as cells interpolate: the surface is asked a quarter as often.
     Elsewhere it is enough to know inside from outside, which the cell's middle tells.
 
     Args:
@@ -140,9 +160,12 @@ def lattice_distances(
 
     wanted = np.zeros(shape, dtype=bool)
     corners = NODES_A_SIDE * indices_of(np.flatnonzero(near), cells)
-    for step in np.ndindex(*(NODES_A_SIDE + 1,) * 3):
+    for step in NODES_OF_CELL:
         wanted[tuple((corners + step).T)] = True
     lattice[wanted] = distance_at(surface, start + cell / NODES_A_SIDE * np.argwhere(wanted))
+    nodes = lattice[tuple((corners[:, None] + NODES_OF_CELL).reshape(-1, 3).T)].reshape(-1, len(NODES_OF_CELL))
+    others = nodes @ from_nodes_to_others().T.astype(np.float32)
+    lattice[tuple((corners[:, None] + OTHERS_OF_CELL).reshape(-1, 3).T)] = others.ravel()
     return lattice
 
 
@@ -178,8 +201,8 @@ def kernel_share(distances: np.ndarray) -> np.ndarray:
 def ball_spectrum(frequency: np.ndarray) -> np.ndarray:
     """Fourier transform of a ball of the support radius at angular ``frequency`` (rad/m), in m³."""
     reach = frequency * SUPPORT_RADIUS
-    # Of slow waves little is left of the difference, in single precision nothing: that would add a few hundredths of the
-    # ball to every volume.
+    # Of slow waves little is left of the difference, in single precision nothing: that would add a few hundredths of
+    # the ball to every volume.
     whole = np.maximum(reach, SLOW)
     share = np.where(reach < SLOW, 1 / 3 - reach**2 / 30, (np.sin(whole) - whole * np.cos(whole)) / whole**3)
     return 4 * np.pi * SUPPORT_RADIUS**3 * share

@@ -45,7 +45,7 @@ def test_squeezing_costs_what_the_phase_weighs_it(run, data):
         squeezed.append(density_loss(places, neighbourhood(places.detach(), 0.061), distance, window.around))
     assert torch.stack(squeezed).mean() > 0.005
     torch.testing.assert_close(
-        dear - plain, 2 * torch.stack(squeezed).mean(), rtol=0.03, atol=0
+        dear - plain, 2 * torch.stack(squeezed).mean(), rtol=0.06, atol=0
     )  # the solid is taken for flat
 
 

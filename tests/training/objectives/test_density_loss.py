@@ -2,7 +2,7 @@ import torch
 
 from surfsup.datasets.density import number_density
 from surfsup.model.neighbours import neighbourhood
-from surfsup.model.solid_density import solid_density
+from surfsup.model.solid_density import flat_share, solid_density
 from surfsup.model.state import Surroundings
 from surfsup.scene import SPACING
 from surfsup.sdf import Sphere
@@ -56,7 +56,8 @@ def test_solids_and_walls_add_to_density():
     one = torch.tensor([[0.0, 0.0, 0.32]], dtype=torch.float64)
     beside_a_ball = Surroundings(Sphere(0.3), FAR.lower, FAR.upper, FAR.gravity)
     on_the_floor = Surroundings(None, torch.tensor([-5.0, -5.0, 0.3]), FAR.upper, FAR.gravity)
-    added = solid_density(torch.tensor(0.02, dtype=torch.float64))[0]
+    distance = torch.tensor(0.02, dtype=torch.float64)
+    added = solid_density(distance, flat_share(distance))[0]
     for around in (beside_a_ball, on_the_floor):
         expected = ((1 / torch.pi + added - 1) / SQUEEZED).square()
         torch.testing.assert_close(loss_of(one, around), expected, rtol=1e-4, atol=0)

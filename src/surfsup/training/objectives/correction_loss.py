@@ -18,7 +18,7 @@ NEAR_WEIGHT = 2.0
 RETURN = 0.3  # of the distance strayed from the truth that a frame is asked to make good
 FLOOR = 0.05  # of a frame's mean squared correction: keeps frames at rest from dominating
 ENERGY_CELL = 0.12  # metres
-CALM = 0.03  # of a correction's unit: errors below count for nothing in the calm term
+CALM = 0.1  # of a correction's unit: errors below count for nothing in the calm term
 
 
 def wanted_correction(seen: Observation, before: Frame, after: Frame) -> Correction:

@@ -6,8 +6,9 @@ import torch
 from torch import Tensor
 
 from surfsup.model.neighbours import Neighbourhood
-from surfsup.model.solid_density import solid_density
+from surfsup.model.solid_density import flat_share, solid_density
 from surfsup.model.state import Surroundings
+from surfsup.model.walls import walls_density
 from surfsup.scene import SPACING
 
 SQUEEZED = 0.03  # of the lattice's density: some of what a frame's correction can change
@@ -28,8 +29,7 @@ def density_loss(positions: Tensor, near: Neighbourhood, distance: Tensor, aroun
     """
     apart = positions.index_select(0, near.senders) - positions.index_select(0, near.receivers)
     density = lattice_density(apart.square().sum(dim=-1), near)
-    to_walls = torch.cat([positions - around.lower, around.upper - positions], dim=-1)
-    density = density + solid_density(torch.cat([distance[:, None], to_walls], dim=-1))[0].sum(dim=-1)
+    density = density + solid_density(distance, flat_share(distance))[0] + walls_density(positions, around)[0]
     return ((density - 1).clamp(min=0) / SQUEEZED).square().mean()
 
 
