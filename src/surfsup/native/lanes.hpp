@@ -112,10 +112,17 @@ inline Floats silu(Floats x) { return x * sigmoid(x); }
 
 // The sum of the lanes.
 inline float sum(Floats values) {
+#if defined(__AVX512F__)
+    return _mm512_reduce_add_ps((__m512)values);
+#elif defined(__AVX2__)
+    const __m128 four = _mm_add_ps(_mm256_castps256_ps128((__m256)values), _mm256_extractf128_ps((__m256)values, 1));
+    const __m128 two = _mm_add_ps(four, _mm_movehl_ps(four, four));
+    return _mm_cvtss_f32(_mm_add_ss(two, _mm_movehdup_ps(two)));
+#else
     float total = 0.0f;
-#pragma GCC unroll 16
     for (int lane = 0; lane < LANES; ++lane) total += values[lane];
     return total;
+#endif
 }
 
 // One number each from a list.
