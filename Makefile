@@ -8,7 +8,7 @@ help:
 	@echo "make demo    water on a knot: a page and a video in out/demo"
 	@echo "make test    the linter and all tests"
 	@echo "make bench   the default model's speed beside the solver's, its growth, its pool at rest; half an hour, alone"
-	@echo "make weights train the shipped model anew: data by the solver, then two runs; hours"
+	@echo "make weights train the shipped model anew: data by the solver, then a run; hours"
 	@echo "make surfaces fit the shipped neural surfaces anew: coral, chairs, bowls; half an hour, can be started again"
 	@echo "make design  the bowl, the funnel, the chair that holds water and the three balls, in out/design; half an hour"
 	@echo "make setup   only what these two need: .venv and the system libraries"
