@@ -1,9 +1,11 @@
 import numpy as np
 import pytest
 import torch
+from hypothesis import given
+from hypothesis import strategies as st
 
 from surfsup.errors import InputError
-from surfsup.reference.volume_map import SUPPORT_RADIUS, VOLUME_FACTOR, kernel_share, volume_map
+from surfsup.reference.volume_map import SUPPORT_RADIUS, VOLUME_FACTOR, each_once, kernel_share, volume_map
 from surfsup.sdf import Box, CappedCone, Sphere, Surface, Transformed
 
 CELL = np.full(3, 0.025)
@@ -114,3 +116,11 @@ def test_a_box_of_no_whole_cells_is_widened_upward():
 def test_a_solid_far_from_the_container_is_refused():
     with pytest.raises(InputError, match="no point near the container"):
         volume_map(Transformed(Sphere(0.1), translation=(3.0, 0.0, 0.0)), LOWER, UPPER, CELL)
+
+
+@given(st.lists(st.integers(0, 30), min_size=1, max_size=60))
+def test_numbers_each_once_are_what_sorting_them_tells(numbers):
+    there, where = each_once(np.array(numbers), 31)
+    expected = np.unique(numbers, return_inverse=True)
+    np.testing.assert_array_equal(there, expected[0])
+    np.testing.assert_array_equal(where, expected[1])

@@ -1,4 +1,4 @@
-"""What a simulator adds to ballistic motion."""
+"""What the network adds to what the rule has made: pressures, and what these do."""
 
 from __future__ import annotations
 
@@ -7,16 +7,19 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
+from surfsup.model.convolution import Graph
 from surfsup.model.features import DISPLACEMENT_SCALE
 from surfsup.model.state import FRAME_TIME
+from surfsup.model.sweeps import pushed
 
 POSITION_SHARE = 0.62  # of a frame's velocity correction that shows in its displacement (measured)
+PRESSURE_SCALE = 5e-4  # m²/s: what, where density's slope is 40 a metre, makes a DISPLACEMENT_SCALE a frame
 LARGEST = 5.0 * FRAME_TIME / DISPLACEMENT_SCALE  # 5 m/s in a frame; of true ones one in ten thousand is beyond 4.7 m/s
 
 
 @dataclass(frozen=True)
 class Correction:
-    """What the network adds to ballistic motion, in DISPLACEMENT_SCALE.
+    """What is added to places and velocities, in DISPLACEMENT_SCALE.
 
     Attributes:
         velocity: (N, 3), to the end velocity times the frame time.
@@ -25,6 +28,23 @@ class Correction:
 
     velocity: Tensor
     position: Tensor
+
+    @classmethod
+    def by_pressures(cls, pressures: Tensor, slope: Tensor, scale: float, seen: Graph) -> Correction:
+        """What pressures do to the particles, which push each other, solids and walls away, equally.
+
+        So nothing that a network says moves the water as a whole, and as none may be negative, nor presses it together:
+        a network free to say any velocity did, and made single frames better and rollouts worse (measured).
+
+        Args:
+            pressures: (N,) in PRESSURE_SCALE; negative ones count as none.
+            slope: (N, 3) of density, 1/m.
+            scale: from the kernels' slope to density's, 1/m.
+            seen: the neighbours.
+        """
+        taken = pushed(PRESSURE_SCALE * pressures.clamp(min=0), slope, scale, seen)
+        velocity = -taken * (FRAME_TIME / DISPLACEMENT_SCALE)
+        return cls(velocity, POSITION_SHARE * velocity)
 
     def bounded(self, largest: float = LARGEST) -> Correction:
         """The same, but where that of the velocity is larger than ``largest`` both are shortened by as much.

@@ -11,14 +11,13 @@ import torch
 from torch import Tensor
 
 from surfsup import native
-from surfsup.model.correction import LARGEST, POSITION_SHARE
+from surfsup.model.convolution import graph
+from surfsup.model.correction import LARGEST, POSITION_SHARE, PRESSURE_SCALE
 from surfsup.model.features import (
     ACTIONS,
-    DENSEST,
     DENSITY_SCALE,
     DISPLACEMENT_SCALE,
-    NEARNESS_SCALE,
-    REACH,
+    SLOPE_SCALE,
     SURROUNDINGS,
     THICKEST,
     VELOCITY_SCALE,
@@ -26,12 +25,12 @@ from surfsup.model.features import (
     own_density,
 )
 from surfsup.model.guard import Look
-from surfsup.model.neighbours import blown_up, collapsed, most_edges
+from surfsup.model.neighbours import blown_up, collapsed, most_edges, neighbourhood
 from surfsup.model.network import ConvolutionNetwork
 from surfsup.model.solid_density import DEEPEST, NEAREST, OFFSET, STRENGTH, SUPPORT, TABLE_STEP, entries
 from surfsup.model.solid_map import UNTURNED
-from surfsup.model.state import FRAME_TIME, STEP_TIME, State, Surroundings, free_fall_drop
-from surfsup.model.sweeps import DIMENSIONS, LEAST, MARGIN, MOST_DENSE, OF_EXCESS, OF_RISE, SOFTENED, VISCOSITY
+from surfsup.model.state import FRAME_TIME, SOLVER_STEPS, State, Surroundings, free_fall_drop
+from surfsup.model.sweeps import DIMENSIONS, LEAST, MOST_DENSE, OF_EXCESS, OF_RISE, SOFTENED, VISCOSITY
 from surfsup.model.walls import CLOSEST
 from surfsup.scene import WALL_CELL
 
@@ -118,12 +117,15 @@ class NativeStep:
         """
         seen = look_ahead(state, around)
         count = len(seen.speeds)
-        told = [np.empty((count, columns), np.float32) for columns in (ACTIONS, SURROUNDINGS, 3, 3)]
+        told = [np.empty((count, columns), np.float32) for columns in (ACTIONS, SURROUNDINGS, 3, 3, 3, 3)]
         self._run(simulator, self.network_of(simulator).observe, seen, told)
-        return seen, Features(*(torch.from_numpy(values) for values in told))
+        acts, lie, faster, farther, slope, places = (torch.from_numpy(values) for values in told)
+        radius = simulator.architecture.radius
+        near = neighbourhood(0.5 * (state.positions + seen.ahead), radius)
+        return seen, Features(acts, lie, faster, farther, slope, graph(places, near, radius))
 
     def _run(self, simulator: Simulator, call: Callable[..., int], seen: LookAhead, to: Iterable[np.ndarray]) -> None:
-        radius = simulator.architecture.radius + MARGIN
+        radius = simulator.architecture.radius
         most = most_edges(len(seen.ahead), radius)
         edges = call(seen.places, seen.speeds, *seen.told, *to, self.path, torch.get_num_threads(), most)
         if edges < 0:
@@ -170,22 +172,20 @@ def native_network(simulator: Simulator) -> native.Network:
         decoder=(array(network.decoder[0].weight), array(network.decoder[2].weight)),
         solids=(share, DEEPEST, TABLE_STEP, SUPPORT, NEAREST, OFFSET, STRENGTH, WALL_CELL, CLOSEST),
         radius=radius,
-        around=radius + MARGIN,
         frame_time=FRAME_TIME,
-        reach=REACH,
         displacement_scale=DISPLACEMENT_SCALE,
         velocity_scale=VELOCITY_SCALE,
-        nearness_scale=NEARNESS_SCALE,
+        slope_scale=SLOPE_SCALE,
         density_scale=DENSITY_SCALE,
         own_density=own_density(radius),
-        densest=DENSEST,
-        step_time=STEP_TIME,
+        steps=SOLVER_STEPS,
         of_rise=OF_RISE,
         of_excess=OF_EXCESS,
         least=LEAST,
         most_dense=MOST_DENSE,
         viscosity=DIMENSIONS * VISCOSITY,
         softened=SOFTENED,
+        pressure_scale=PRESSURE_SCALE,
         position_share=POSITION_SHARE,
         largest=LARGEST,
         thickest=THICKEST,

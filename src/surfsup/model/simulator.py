@@ -8,20 +8,19 @@ from typing import ClassVar
 import torch
 from torch import Tensor
 
-from surfsup.model.convolution import Graph, graph, join
-from surfsup.model.correction import POSITION_SHARE, Correction
+from surfsup.model.convolution import Graph, join
+from surfsup.model.correction import Correction
 from surfsup.model.energy import without_gain
-from surfsup.model.features import ACTIONS, SURROUNDINGS, observe_features
+from surfsup.model.features import ACTIONS, SURROUNDINGS, density_slope, observe_features
 from surfsup.model.guard import Look, guard
 from surfsup.model.learned_simulator import LearnedSimulator
 from surfsup.model.native_step import NativeStep
 from surfsup.model.neighbours import neighbourhood
 from surfsup.model.network import ConvolutionNetwork
 from surfsup.model.state import FRAME_TIME, State, Surroundings
-from surfsup.model.sweeps import MARGIN
 
-OUTPUTS = 6
-PARTICLES = ("ahead", "places", "speeds", "distance", "normal", "acts", "lie")  # of an observation
+OUTPUTS = 1  # a pressure
+PARTICLES = ("ahead", "places", "speeds", "distance", "normal", "acts", "lie", "slope")  # of an observation
 
 
 @dataclass(frozen=True)
@@ -61,9 +60,10 @@ class Observation:
         speeds: (N, 3) its velocities there, m/s.
         distance: (N,) of the solid from ``ahead``, metres.
         normal: (N, 3) of the solid there.
-        acts: (N, 37), what acts on each particle.
+        acts: (N, 14), what acts on each particle.
         lie: (N, 6), how its neighbours lie.
-        graph: neighbours halfway to ``ahead``.
+        slope: (N, 3) of density at the last of the sweeps' steps, 1/m.
+        graph: neighbours halfway to ``ahead``, as they lie in the last of the sweeps' steps.
     """
 
     state: State
@@ -74,6 +74,7 @@ class Observation:
     normal: Tensor
     acts: Tensor
     lie: Tensor
+    slope: Tensor
     graph: Graph
 
 
@@ -107,28 +108,24 @@ class Simulator(LearnedSimulator[State]):
 
         Where nothing of that wants a gradient, the native step's twin does most of it.
         """
-        radius = self.architecture.radius
         falling = state.velocities + FRAME_TIME * around.gravity
         if self.native.can_observe(state, around, self.network):
             looked, told = self.native.observe(self, state, around)
             ahead, distance, normal = looked.ahead, looked.distance, looked.normal
-            seen = self._graph(state, ahead)
         else:
             ahead, _ = state.ballistic(around.gravity)
             distance, normal = around.distance_and_normal(ahead)
-            seen = self._graph(state, ahead)
-            told = observe_features(state, ahead, distance, normal, around, seen, radius)
+            radius = self.architecture.radius
+            near = neighbourhood(0.5 * (state.positions + ahead), radius)
+            told = observe_features(state, ahead, distance, normal, around, near, radius)
         places, speeds = ahead + told.farther, falling + told.faster
-        return Observation(state, ahead, places, speeds, distance, normal, told.acts, told.lie, seen)
-
-    def _graph(self, state: State, ahead: Tensor) -> Graph:
-        halfway, radius = 0.5 * (state.positions + ahead), self.architecture.radius
-        return graph(halfway, neighbourhood(halfway, radius + MARGIN), radius)
+        return Observation(state, ahead, places, speeds, distance, normal, told.acts, told.lie, told.slope, told.graph)
 
     def correct(self, seen: Observation) -> Correction:
-        """The network's correction to what the sweeps have made."""
-        velocity, beyond = self.network(seen.acts, seen.lie, seen.graph).chunk(2, dim=-1)
-        return Correction(velocity, POSITION_SHARE * velocity + 0.3 * beyond).bounded()
+        """The network's correction to what the sweeps have made: pressures that these have missed."""
+        pressures = self.network(seen.acts, seen.lie, seen.graph)[:, 0]
+        scale = density_slope(self.architecture.radius)
+        return Correction.by_pressures(pressures, seen.slope, scale, seen.graph).bounded()
 
     def advance(self, seen: Observation, correction: Correction) -> tuple[Tensor, Tensor]:
         """Positions (N, 3) and velocities (N, 3) one frame later, before the guard."""

@@ -4,11 +4,13 @@ In each of its steps the solver (DFSPH: Bender and Koschier, "Divergence-Free SP
 Fluids", 2017) first takes from velocities what makes density rise, then lets viscosity and gravity act, then takes what
 would make density too high at the step's end. It goes over all particles but once or twice for each, so what it does in
 a step is local, and so cheap: a particle alone that comes near a wall loses half of its way in, exactly. Here a frame
-is as many steps as the solver's, with one sweep of either kind, and who is whose neighbour is that of the frame's
-middle.
+is as many steps as the solver's, each with one sweep that makes both pressures from the same look at the neighbours,
+and who is whose neighbour is that of the frame's middle.
 """
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import torch
 from torch import Tensor
@@ -19,14 +21,39 @@ from surfsup.model.solid_density import SUPPORT, flat_share, solid_density
 from surfsup.model.state import SOLVER_STEPS, STEP_TIME, State, Surroundings
 from surfsup.model.walls import walls_density
 
-# Shares of a sweep that are made: one of the solver's makes a half, but of the second kind it makes two (measured).
-OF_RISE, OF_EXCESS = 0.5, 0.8
+# Shares of a sweep that are made. One of the solver's makes a half; of the second kind it makes two, of which one and a
+# bit are enough, and the water rests the better for it (measured).
+OF_RISE, OF_EXCESS = 0.5, 0.6
 LEAST = 1e-5  # 1/m²: where density depends on places no more than this, nothing can be done
 VISCOSITY = 0.01  # m²/s: the solver's
 DIMENSIONS = 10  # 2 (d + 2) of the viscosity's Laplacian
 SOFTENED = 0.01  # of the squared radius, that keeps it finite where particles meet
 MOST_DENSE = 0.2  # more too dense it is not taken to be: a start, or what the model has erred by, may not burst
-MARGIN = 3e-3  # metres that neighbours may be farther apart in the frame's middle than the kernel reaches
+
+
+@dataclass(frozen=True)
+class LastStep:
+    """What the last of a frame's steps begins with.
+
+    Attributes:
+        graph: the neighbours, as they lie there.
+        sums: (N, 4, 4), kernel sums of the neighbours' velocity and of one.
+        velocities: (N, 3) there, but for what gravity has added since the frame's start, m/s.
+        of_solids: (N,), what solid and walls add to density.
+        slope_of_solids: (N, 3), its slope, 1/m.
+        slope: (N, 3), that of density all in all, 1/m.
+        too_dense: (N,), by how much density is higher than it may be, at most ``MOST_DENSE``.
+        rise: (N,), how fast density rises, 1/s.
+    """
+
+    graph: Graph
+    sums: Tensor
+    velocities: Tensor
+    of_solids: Tensor
+    slope_of_solids: Tensor
+    slope: Tensor
+    too_dense: Tensor
+    rise: Tensor
 
 
 def sweep(
@@ -38,7 +65,7 @@ def sweep(
     near: Neighbourhood,
     own: float,
     radius: float,
-) -> tuple[Tensor, Tensor]:
+) -> tuple[Tensor, Tensor, LastStep]:
     """What the rule adds to the velocities (N, 3) in m/s and places (N, 3) in metres of ballistic motion.
 
     Away from all else, as in a free fall, that is nothing.
@@ -49,24 +76,21 @@ def sweep(
         distance: (N,) of the solid from there, metres.
         normal: (N, 3) the solid's there.
         around: container and gravity.
-        near: the neighbours halfway to there, within the radius and ``MARGIN``.
+        near: the neighbours halfway to there, within the radius.
         own: a particle's share of its own density, in units of the lattice's.
         radius: reach of the kernels, metres.
     """
     scale = 2 * own / radius  # from the kernels' slope to density's, a metre
     faster, farther = torch.zeros_like(ahead), torch.zeros_like(ahead)
-    allowed = None
+    place, allowed = state.positions, None
     for step in range(SOLVER_STEPS):
         fallen = step * STEP_TIME * around.gravity
-        place = state.positions + step * STEP_TIME * (state.velocities + 0.5 * (STEP_TIME * around.gravity + fallen))
-        place = place + farther
-        seen = graph(place, near, radius)
-        density_of_solids, slope_of_solids = of_solids(place, ahead, distance, normal, around)
         speed = state.velocities + faster
+        seen = graph(place, near, radius)
+        of_solid, slope_of_solids = of_solids(place, ahead, distance, normal, around)
         sums = kernel_sums(torch.cat([speed, torch.ones_like(speed[:, :1])], dim=-1), seen)
-        density = own * (1 + sums[:, 0, 3]) + density_of_solids
-        slope_of_fluid = scale * sums[:, 1:4, 3]
-        slope = slope_of_fluid + slope_of_solids
+        density = own * (1 + sums[:, 0, 3]) + of_solid
+        slope = scale * sums[:, 1:4, 3] + slope_of_solids
         size = slope.square().sum(dim=-1) + scale**2 * squares(seen)[:, 0]
         ease = torch.where(size > LEAST, 1 / size.clamp(min=LEAST), 0.0)
         if allowed is None:
@@ -74,16 +98,18 @@ def sweep(
             beside = (distance < SUPPORT) if around.felt is None else torch.zeros_like(distance, dtype=torch.bool)
             allowed = torch.where(beside, density.clamp(min=1), 1.0)
 
-        rise = slope_rate(slope_of_fluid, speed, scale, sums) + (slope_of_solids * (speed + fallen)).sum(dim=-1)
-        faster = faster - pushed((OF_RISE * ease * rise).clamp(min=0), slope, scale, seen)
-        speed = state.velocities + faster
+        rise = rate_of(sums, speed, scale) + (slope_of_solids * (speed + fallen)).sum(dim=-1)
+        too_dense = (density - allowed).clamp(max=MOST_DENSE)
+        last = LastStep(seen, sums, speed, of_solid, slope_of_solids, slope, too_dense, rise)
+        against_rise = OF_RISE * rise.clamp(min=0)
+        by_gravity = STEP_TIME * (slope_of_solids * around.gravity).sum(dim=-1)
+        excess = too_dense / STEP_TIME + rise + by_gravity - against_rise
+        pressures = ease * (against_rise + OF_EXCESS * excess.clamp(min=0))
         dragged = STEP_TIME * viscosity(speed, place, density, scale, radius, seen)
-        falling = speed + fallen + STEP_TIME * around.gravity
-        rise = rate_of(speed, slope_of_fluid, scale, seen) + (slope_of_solids * falling).sum(dim=-1)
-        excess = (density - allowed).clamp(max=MOST_DENSE) / STEP_TIME + rise
-        faster = faster - pushed((OF_EXCESS * ease * excess).clamp(min=0), slope, scale, seen) + dragged
+        faster = faster - pushed(pressures, slope, scale, seen) + dragged
         farther = farther + STEP_TIME * faster
-    return faster, farther
+        place = place + STEP_TIME * (state.velocities + faster + fallen + STEP_TIME * around.gravity)
+    return faster, farther, last
 
 
 def of_solids(
@@ -111,15 +137,10 @@ def squares(seen: Graph) -> Tensor:
     return slopes.new_zeros(len(seen)).index_add(0, near.receivers, slopes)[:, None]
 
 
-def rate_of(velocities: Tensor, slope: Tensor, scale: float, seen: Graph) -> Tensor:
-    """How fast the fluid's density (N,) rises by ``velocities`` (N, 3), 1/s."""
-    sums = kernel_sums(torch.cat([velocities, torch.zeros_like(velocities[:, :1])], dim=-1), seen)
-    return slope_rate(slope, velocities, scale, sums)
-
-
-def slope_rate(slope: Tensor, velocities: Tensor, scale: float, sums: Tensor) -> Tensor:
-    """The same (N,) where the kernel sums of the velocities are known."""
-    return (slope * velocities).sum(dim=-1) - scale * sums[:, 1:4, :3].diagonal(dim1=1, dim2=2).sum(dim=-1)
+def rate_of(sums: Tensor, velocities: Tensor, scale: float) -> Tensor:
+    """How fast the fluid's density (N,) rises by ``velocities`` (N, 3), 1/s, of their kernel sums and those of one."""
+    against = sums[:, 1:4, :3] - sums[:, 1:4, 3:] * velocities[:, None]
+    return -scale * against.diagonal(dim1=1, dim2=2).sum(dim=-1)
 
 
 def pushed(taken: Tensor, slope: Tensor, scale: float, seen: Graph) -> Tensor:
@@ -133,12 +154,13 @@ def viscosity(speed: Tensor, place: Tensor, density: Tensor, scale: float, radiu
     """What viscosity does to particles (N, 3), m/s²: the solver's.
 
     The Laplacian of velocities is that of J. J. Monaghan, "Smoothed particle hydrodynamics", Reports on Progress in
-    Physics 68, 2005: of two neighbours only the speed at which they part counts.
+    Physics 68, 2005: of two neighbours only the speed at which they part counts. The solver divides by the neighbour's
+    density, here it is the particle's own: the neighbour's is not known yet.
     """
     near = seen.neighbourhood
     apart = place.index_select(0, near.senders) - place.index_select(0, near.receivers)
     parting = speed.index_select(0, near.senders) - speed.index_select(0, near.receivers)
-    along = (parting * seen.kernels[:, 1:]).sum(dim=-1) / density.index_select(0, near.senders)
+    along = (parting * seen.kernels[:, 1:]).sum(dim=-1) / density.index_select(0, near.receivers)
     each = along / (apart.square().sum(dim=-1) + SOFTENED * radius**2)
     drag = torch.zeros_like(speed).index_add(0, near.receivers, each[:, None] * apart)
     return DIMENSIONS * VISCOSITY * scale * drag

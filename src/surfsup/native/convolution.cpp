@@ -139,7 +139,7 @@ Pairs find_pairs(const float* positions, int32_t count, float radius, double exa
     }
     Frame frame{};
     frame.count = count;
-    frame.constants.around = radius * WIDER;
+    frame.constants.radius = radius * WIDER;
     frame.cells = cells.cells();
     frame.x = places[0].data(), frame.y = places[1].data(), frame.z = places[2].data();
 

@@ -1,7 +1,8 @@
 // The convolution of convolution.hpp, compiled once a path.
 #pragma once
 
-#include "path.hpp"
+#include "network_path.hpp"
+#include "search_path.hpp"
 
 namespace PATH {
 namespace {
@@ -126,8 +127,8 @@ int64_t within(const Frame& frame, int32_t i, Arena& arena, void* memory, const 
     auto& search = *static_cast<Search*>(memory);
     const int32_t cell = frame.cells.of[i];
     if (cell + 1 != search.cell && !see_cell(frame, cell, search, arena)) return -1;
-    if (!find_within(frame, i, frame.constants.around, 0, search, arena)) return -1;
-    to = search.within[0].index;
+    if (!find_within(frame, i, 0, search, arena)) return -1;
+    to = search.within[0];
     return search.found[0];
 }
 

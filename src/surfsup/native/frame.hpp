@@ -10,27 +10,27 @@
 namespace surfsup {
 
 constexpr int KERNELS = 4;
-constexpr int ACTIONS = 37, SURROUNDINGS = 6;  // what acts on a particle, and how its neighbours lie, see features.py
-constexpr int SOLVER_STEPS = 5;  // in a frame, see sweeps.py
-constexpr int OUTPUTS = 6, OUTPUT_ROOM = 16;
+constexpr int ACTIONS = 14, SURROUNDINGS = 6;  // what acts on a particle, and how its neighbours lie, see features.py
+constexpr int OUTPUTS = 1, OUTPUT_ROOM = 16;
 
 // Numbers of the model that are defined in Python; lengths in metres, times in seconds.
 struct Constants {
     float radius;                // reach of a kernel
-    float around;                // how far neighbours may be apart in the frame's middle
     float frame_time;            // of a step
-    float reach;                 // beyond which a solid is not felt
-    float displacement_scale, velocity_scale, nearness_scale, density_scale;
+    float displacement_scale, velocity_scale, slope_scale, density_scale;
     float own_density;           // a particle's share of its own density, in units of the lattice's
-    float densest;               // the largest density told of
-    float step_time;             // of one of the solver's steps
+    int steps;                   // of the sweeps, in a frame
     float of_rise, of_excess;    // shares of a sweep that are made
     float least;                 // 1/m²: where density depends on places no more than this, nothing can be done
     float most_dense;            // how much too dense it is taken to be at most
     float viscosity, softened;   // m²/s, with what its Laplacian is multiplied by; a share of the squared radius
+    float pressure_scale;        // m²/s of a unit of what the network says
     float position_share;        // of a velocity correction that shows in the displacement
     float largest;               // largest velocity correction, in displacement_scale
     std::array<float, SURROUNDINGS> thickest;  // largest sums that the factors are told of
+
+    float step_time() const { return frame_time / static_cast<float>(steps); }
+    float density_slope() const { return 2.0f * own_density / radius; }  // from the kernels' slope to density's, a metre
 };
 
 // What a solid adds to density, see solid_density.py and walls.py: the `share` that a flat one has of the neighbourhood by
@@ -53,25 +53,24 @@ struct Weights {
     const float *decode_in, *decode_out;            // (width, width), (width, OUTPUT_ROOM)
 };
 
-// The neighbours of a particle. Within the radius in the frame's middle, with their kernels edge by edge: what the network
-// sees. And all that may come so near on the way, filled up to whole vectors by one that is infinitely far, with room for
-// the slopes of their kernels in the step that is made: vectors of x, of y, of z, and of what viscosity multiplies these by.
+// The neighbours of a particle within the radius in the frame's middle, filled up to whole vectors by one that is infinitely
+// far, with room for their kernels in the step that is made: the slopes, by vectors of x, of y, of z; and what the last step
+// leaves for the network, the smoothing kernel itself.
 struct Edges {
-    const float* kernels;
     const int32_t* senders;
-    int32_t count;
-    int32_t all_count;
-    const int32_t* all;
-    float* slopes;
+    float *slopes, *windows;
+    int32_t count, filled;
 };
+
+constexpr int MOTION = 8;  // floats: a place, a nought, a speed, a nought
 
 // What sweeps.py knows of a particle; lengths in metres, times in seconds, densities in the lattice's.
 struct Sweep {
-    float slope[3], slope_of_solids[3], ease;  // of density, all in all and by solids alone; 1 over how stiff it is
-    float too_dense, allowed;                  // how much more than it may be, and how much it may be
-    float drag[3];                             // m/s² by viscosity
-    float faster[3], farther[3];               // than ballistic motion, so far
-    bool near_solid, near_walls;
+    float slope[3];               // of density
+    float allowed;                // density
+    float drag[3];                // m/s² by viscosity
+    float faster[3], farther[3];  // than ballistic motion, so far
+    float solid_beyond;           // the solid is farther off than that
 };
 
 // Particles sorted by cell. Cells are counted modulo the grid's size, so that any extent fits: what falls into the
@@ -93,7 +92,6 @@ struct Frame {
     Cells cells;
     const int32_t* order;        // sorted -> as the caller counts
     const float *x, *y, *z;      // sorted, where ballistic motion is halfway; room for 16 more
-    const float* velocity;       // sorted, (count, 4), the last a one
     // as the caller counts:
     const float *positions, *velocities, *ahead, *distance, *normal;
     float gravity[3], lower[3], upper[3];
@@ -105,8 +103,8 @@ struct Frame {
     float *acts, *lie;           // (count, ACTIONS), (count, SURROUNDINGS); room for a block more
     Sweep* sweeps;
     // of them and one more, which is infinitely far:
-    float *place, *speed;        // (count + 1, 4), the last of nothing: m in this step, and m/s but for what gravity adds
-    float *taken, *lightness;    // (count + 1): the pressures of the sweep that is made, and 1 over density
+    float* motion;               // (count + 1, MOTION): m in this step, and m/s but for what gravity adds
+    float* pressures;            // (count + 1) of the sweep that is made
     float* factors;              // (count, width), of the last hidden state
     float* hidden[2];            // (count, width); a layer reads one and writes the other
     float* told[2];              // (count, messages), the part of it that neighbours are told, side by side
@@ -122,20 +120,18 @@ struct Path {
     bool (*supported)();
     int rows;                    // particles in a block
     int64_t (*scratch)(const Frame&);  // floats that `encode` and `layer` need
-    // Neighbours, kernels and features of sorted particles; how many edges, -1 where memory ran out.
+    // Neighbours of sorted particles; how many edges, -1 where memory ran out.
     int64_t (*look)(const Frame&, int32_t begin, int32_t end, Arena&);
-    // A step of the solver's: density and the pressures against its rise; then what pressures do to speeds; viscosity and
-    // the pressures against what would be too dense; again what they do, and the places of the next step.
+    // A step of the sweeps: density and pressures; then what these do to speeds, and the places of the next step. The last
+    // step leaves what the network is told.
     void (*approach)(const Frame&, int step, int32_t begin, int32_t end);
-    void (*push)(const Frame&, int32_t begin, int32_t end);
-    void (*press)(const Frame&, int step, int32_t begin, int32_t end);
     void (*leave)(const Frame&, int step, int32_t begin, int32_t end);
-    // What the solver's rule has made of the frame, for the network.
-    void (*tell)(const Frame&, int32_t begin, int32_t end);
     // The encoder.
     void (*encode)(const Frame&, int32_t begin, int32_t end, float* scratch);
-    // A layer; behind the last one the decoder and the new positions and velocities.
+    // A layer; behind the last one the decoder, which leaves pressures.
     void (*layer)(const Frame&, int number, int32_t begin, int32_t end, float* scratch);
+    // What these do, and with it the new positions and velocities.
+    void (*finish)(const Frame&, int32_t begin, int32_t end);
     // Of a convolution, for particles begin to end: the sums over neighbours of the first channels of `values`, and
     // the own values, mixed by `weights` (4 messages + width, width).
     void (*convolve)(const Sparse&, Channels, const float* values, const float* weights, float* out, int32_t begin,

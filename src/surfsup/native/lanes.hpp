@@ -28,7 +28,6 @@ constexpr int AT_ONCE = 1;
 
 typedef float Floats __attribute__((vector_size(4 * LANES)));
 typedef int32_t Ints __attribute__((vector_size(4 * LANES)));
-typedef float FourFloats __attribute__((vector_size(16)));
 
 inline Floats splat(float value) { return value - Floats{}; }
 
@@ -40,12 +39,6 @@ inline Floats load(const float* from) {
 
 inline Ints load_ints(const int32_t* from) {
     Ints values;
-    std::memcpy(&values, from, sizeof values);
-    return values;
-}
-
-inline FourFloats load_four(const float* from) {
-    FourFloats values;
     std::memcpy(&values, from, sizeof values);
     return values;
 }
@@ -75,6 +68,21 @@ inline Floats reciprocal(Floats x) {
     return guess * (2.0f - x * guess);
 #else
     return 1.0f / x;
+#endif
+}
+
+// 1 / square root of x to 3e-7 of it, for normal x.
+inline Floats reciprocal_root(Floats x) {
+#if defined(__AVX512F__)
+    const Floats guess = (Floats)_mm512_rsqrt14_ps((__m512)x);
+    return guess * (1.5f - 0.5f * x * guess * guess);
+#elif defined(__AVX2__)
+    const Floats guess = (Floats)_mm256_rsqrt_ps((__m256)x);
+    return guess * (1.5f - 0.5f * x * guess * guess);
+#else
+    Floats roots = x;
+    for (int lane = 0; lane < LANES; ++lane) roots[lane] = 1.0f / __builtin_sqrtf(x[lane]);
+    return roots;
 #endif
 }
 
@@ -125,6 +133,41 @@ inline float sum(Floats values) {
 #endif
 }
 
+// Eight floats on every path, for what comes in eights.
+typedef float Eight __attribute__((vector_size(32)));
+
+// The sums of the lanes of eight vectors: together they take less than half as long as one by one.
+inline void sum_each(const Eight (&values)[8], float* to) {
+#if defined(__AVX2__)
+    __m256 fours[2];
+    for (int half = 0; half < 2; ++half) {
+        const Eight* four = values + 4 * half;
+        const __m256 a = (__m256)four[0], b = (__m256)four[1], c = (__m256)four[2], d = (__m256)four[3];
+        const __m256 ab = _mm256_add_ps(_mm256_unpacklo_ps(a, b), _mm256_unpackhi_ps(a, b));
+        const __m256 cd = _mm256_add_ps(_mm256_unpacklo_ps(c, d), _mm256_unpackhi_ps(c, d));
+        fours[half] = _mm256_add_ps(_mm256_shuffle_ps(ab, cd, 0x44), _mm256_shuffle_ps(ab, cd, 0xEE));
+    }
+    const __m256 low = _mm256_permute2f128_ps(fours[0], fours[1], 0x20), high = _mm256_permute2f128_ps(fours[0], fours[1], 0x31);
+    _mm256_storeu_ps(to, _mm256_add_ps(low, high));
+#else
+    for (int k = 0; k < 8; ++k) {
+        to[k] = 0.0f;
+        for (int lane = 0; lane < 8; ++lane) to[k] += values[k][lane];
+    }
+#endif
+}
+
+// Half of a vector's lanes added to the other half, where there are more than eight; filled up where there are fewer.
+inline Eight as_eight(Floats values) {
+#if defined(__AVX512F__)
+    return (Eight)_mm256_add_ps(_mm512_castps512_ps256((__m512)values), _mm512_extractf32x8_ps((__m512)values, 1));
+#elif defined(__AVX2__)
+    return values;
+#else
+    return Eight{values[0], values[1], values[2], values[3]};
+#endif
+}
+
 // One number each from a list.
 inline Floats pick(const float* from, Ints index) {
 #if defined(__AVX512F__)
@@ -138,15 +181,16 @@ inline Floats pick(const float* from, Ints index) {
 #endif
 }
 
-// The first three of four numbers each from a list.
+// The first three numbers each of rows of ROW; each row has four at least from there.
+template <int ROW>
 inline void pick_three(const float* from, const int32_t* index, Floats& x, Floats& y, Floats& z) {
 #if defined(__AVX512F__)
-    const Ints four = 4 * load_ints(index);
-    x = pick(from, four), y = pick(from + 1, four), z = pick(from + 2, four);
+    const Ints at = ROW * load_ints(index);
+    x = pick(from, at), y = pick(from + 1, at), z = pick(from + 2, at);
 #elif defined(__AVX2__)
     const auto two = [&](int lane) {
-        const __m128 low = _mm_loadu_ps(from + 4 * static_cast<int64_t>(index[lane]));
-        const __m128 high = _mm_loadu_ps(from + 4 * static_cast<int64_t>(index[lane + 4]));
+        const __m128 low = _mm_loadu_ps(from + ROW * static_cast<int64_t>(index[lane]));
+        const __m128 high = _mm_loadu_ps(from + ROW * static_cast<int64_t>(index[lane + 4]));
         return _mm256_insertf128_ps(_mm256_castps128_ps256(low), high, 1);
     };
     const __m256 a = two(0), b = two(1), c = two(2), d = two(3);
@@ -157,50 +201,11 @@ inline void pick_three(const float* from, const int32_t* index, Floats& x, Float
     z = (Floats)_mm256_shuffle_ps(z_ab, z_cd, 0x44);
 #else
     for (int lane = 0; lane < LANES; ++lane) {
-        const float* row = from + 4 * static_cast<int64_t>(index[lane]);
+        const float* row = from + ROW * static_cast<int64_t>(index[lane]);
         x[lane] = row[0], y[lane] = row[1], z[lane] = row[2];
     }
 #endif
 }
-
-// The lanes of four vectors one after the other: the first of each, the second of each, and so on.
-inline void store_four(float* to, Floats a, Floats b, Floats c, Floats d) {
-#if defined(__AVX512F__)
-    const __m512 low_ab = _mm512_unpacklo_ps((__m512)a, (__m512)b), high_ab = _mm512_unpackhi_ps((__m512)a, (__m512)b);
-    const __m512 low_cd = _mm512_unpacklo_ps((__m512)c, (__m512)d), high_cd = _mm512_unpackhi_ps((__m512)c, (__m512)d);
-    // Each of four lanes of every 128 bits: lanes 0, 4, 8, 12, then 1, 5, 9, 13, and so on.
-    const __m512 first = _mm512_shuffle_ps(low_ab, low_cd, 0x44), second = _mm512_shuffle_ps(low_ab, low_cd, 0xEE);
-    const __m512 third = _mm512_shuffle_ps(high_ab, high_cd, 0x44), fourth = _mm512_shuffle_ps(high_ab, high_cd, 0xEE);
-    const __m512 p = _mm512_shuffle_f32x4(first, second, 0x44), q = _mm512_shuffle_f32x4(third, fourth, 0x44);
-    const __m512 r = _mm512_shuffle_f32x4(first, second, 0xEE), t = _mm512_shuffle_f32x4(third, fourth, 0xEE);
-    _mm512_storeu_ps(to, _mm512_shuffle_f32x4(p, q, 0x88));
-    _mm512_storeu_ps(to + 16, _mm512_shuffle_f32x4(p, q, 0xDD));
-    _mm512_storeu_ps(to + 32, _mm512_shuffle_f32x4(r, t, 0x88));
-    _mm512_storeu_ps(to + 48, _mm512_shuffle_f32x4(r, t, 0xDD));
-#elif defined(__AVX2__)
-    const __m256 low_ab = _mm256_unpacklo_ps((__m256)a, (__m256)b), high_ab = _mm256_unpackhi_ps((__m256)a, (__m256)b);
-    const __m256 low_cd = _mm256_unpacklo_ps((__m256)c, (__m256)d), high_cd = _mm256_unpackhi_ps((__m256)c, (__m256)d);
-    const __m256 first = _mm256_shuffle_ps(low_ab, low_cd, 0x44), second = _mm256_shuffle_ps(low_ab, low_cd, 0xEE);
-    const __m256 third = _mm256_shuffle_ps(high_ab, high_cd, 0x44), fourth = _mm256_shuffle_ps(high_ab, high_cd, 0xEE);
-    _mm256_storeu_ps(to, _mm256_permute2f128_ps(first, second, 0x20));
-    _mm256_storeu_ps(to + 8, _mm256_permute2f128_ps(third, fourth, 0x20));
-    _mm256_storeu_ps(to + 16, _mm256_permute2f128_ps(first, second, 0x31));
-    _mm256_storeu_ps(to + 24, _mm256_permute2f128_ps(third, fourth, 0x31));
-#else
-    for (int lane = 0; lane < LANES; ++lane) {
-        to[4 * lane] = a[lane];
-        to[4 * lane + 1] = b[lane];
-        to[4 * lane + 2] = c[lane];
-        to[4 * lane + 3] = d[lane];
-    }
-#endif
-}
-
-// Where other particles are, seen from one: displacement and index; `x` and so on are lists with room.
-struct Places {
-    float *x, *y, *z;
-    int32_t* index;
-};
 
 #if defined(__AVX2__) && !defined(__AVX512F__)
 // For every set of lanes the order that brings these to the front.
@@ -215,29 +220,19 @@ struct Fronts {
 alignas(64) constexpr Fronts FRONTS{};
 #endif
 
-// Appends the lanes that are set to lists of `length`, which must have room for LANES more; returns the new length.
-inline int64_t append(const Places& to, int64_t length, Ints set, Floats x, Floats y, Floats z, Ints index) {
+// Appends the lanes that are set to a list of `length`, which must have room for LANES more; returns the new length.
+inline int64_t append(int32_t* to, int64_t length, Ints set, Ints index) {
 #if defined(__AVX512F__)
     const __mmask16 mask = _mm512_movepi32_mask((__m512i)set);
-    _mm512_storeu_ps(to.x + length, _mm512_maskz_compress_ps(mask, (__m512)x));
-    _mm512_storeu_ps(to.y + length, _mm512_maskz_compress_ps(mask, (__m512)y));
-    _mm512_storeu_ps(to.z + length, _mm512_maskz_compress_ps(mask, (__m512)z));
-    _mm512_storeu_si512(to.index + length, _mm512_maskz_compress_epi32(mask, (__m512i)index));
+    _mm512_storeu_si512(to + length, _mm512_maskz_compress_epi32(mask, (__m512i)index));
     return length + __builtin_popcount(mask);
 #elif defined(__AVX2__)
     const auto mask = static_cast<unsigned>(_mm256_movemask_ps((__m256)set));
-    const auto front = (__m256i)load_ints(FRONTS.of[mask]);
-    store(to.x + length, _mm256_permutevar8x32_ps((__m256)x, front));
-    store(to.y + length, _mm256_permutevar8x32_ps((__m256)y, front));
-    store(to.z + length, _mm256_permutevar8x32_ps((__m256)z, front));
-    store(to.index + length, _mm256_permutevar8x32_epi32((__m256i)index, front));
+    store(to + length, _mm256_permutevar8x32_epi32((__m256i)index, (__m256i)load_ints(FRONTS.of[mask])));
     return length + _mm_popcnt_u32(mask);
 #else
     for (int lane = 0; lane < LANES; ++lane) {
-        to.x[length] = x[lane];
-        to.y[length] = y[lane];
-        to.z[length] = z[lane];
-        to.index[length] = index[lane];
+        to[length] = index[lane];
         length += set[lane] & 1;
     }
     return length;

@@ -77,16 +77,17 @@ struct HeldNetwork {
 
 void make(HeldNetwork* network, const Weight& encoder, std::tuple<Weight, Bias, Weight, Bias> factors,
           const std::vector<std::tuple<Weight, Weight, Weight>>& layers, std::tuple<Weight, Weight> decoder,
-          std::tuple<Bias, float, float, float, float, float, float, float, float> solids, float radius, float around, float frame_time, float reach,
-          float displacement_scale, float velocity_scale, float nearness_scale, float density_scale, float own_density,
-          float densest, float step_time, float of_rise, float of_excess, float least, float most_dense, float viscosity, float softened,
-          float position_share, float largest,
+          std::tuple<Bias, float, float, float, float, float, float, float, float> solids, float radius, float frame_time,
+          float displacement_scale, float velocity_scale, float slope_scale, float density_scale, float own_density,
+          int steps, float of_rise, float of_excess, float least, float most_dense, float viscosity, float softened,
+          float pressure_scale, float position_share, float largest,
           const std::array<float, surfsup::SURROUNDINGS>& thickest) {
     const auto& [factor_in, factor_in_bias, factor_out, factor_out_bias] = factors;
     expect(factor_in_bias.shape(0), factor_in.shape(0), "a bias of the factors");
     expect(factor_out_bias.shape(0), factor_out.shape(0), "a bias of the factors");
     const auto& [decode_in, decode_out] = decoder;
     const auto& [share, deepest, between, support, nearest, offset, strength, wall_cell, closest] = solids;
+    if (steps < 1) throw std::invalid_argument("a frame has one step at least");
     if (share.shape(0) < 2) throw std::invalid_argument("the solids' share has fewer than two entries");
     std::vector<Weight> weights{encoder, factor_in, factor_out, decode_in, decode_out};
     std::vector<surfsup::Layer> all;
@@ -97,8 +98,8 @@ void make(HeldNetwork* network, const Weight& encoder, std::tuple<Weight, Bias, 
     new (network) HeldNetwork{
         std::move(weights),
         {factor_in_bias, factor_out_bias, share},
-        {{radius, around, frame_time, reach, displacement_scale, velocity_scale, nearness_scale, density_scale, own_density,
-          densest, step_time, of_rise, of_excess, least, most_dense, viscosity, softened, position_share, largest, thickest},
+        {{radius, frame_time, displacement_scale, velocity_scale, slope_scale, density_scale, own_density,
+          steps, of_rise, of_excess, least, most_dense, viscosity, softened, pressure_scale, position_share, largest, thickest},
          {deepest, between, support, nearest, offset, strength, wall_cell, closest, static_cast<int>(share.shape(0)), share.data()},
          matrix(encoder), matrix(factor_in), factor_in_bias.data(), matrix(factor_out),
          factor_out_bias.data(), all, matrix(decode_in), matrix(decode_out)}};
@@ -120,7 +121,7 @@ surfsup::Fluid fluid_of(const Vectors& positions, const Vectors& velocities, con
                         const Vectors& normal, const Vector& gravity, const Vector& lower, const Vector& upper,
                         const surfsup::SolidMap* map, const Turn& turn) {
     const size_t count = velocities.shape(0);
-    if (count >= static_cast<size_t>(std::numeric_limits<int32_t>::max()) / 4)
+    if (count >= static_cast<size_t>(std::numeric_limits<int32_t>::max()) / surfsup::MOTION)
         throw std::invalid_argument("there are more particles than the native step can count");
     expect(positions.shape(0), count, "positions");
     expect(ahead.shape(0), count, "ahead");
@@ -142,14 +143,14 @@ int64_t step(HeldNetwork& held, Vectors positions, Vectors velocities, Vectors a
 }
 
 int64_t observe(HeldNetwork& held, Vectors positions, Vectors velocities, Vectors ahead, Values distance, Vectors normal, Vector gravity,
-                Vector lower, Vector upper, const surfsup::SolidMap* map, Turn turn, NewActions acts, NewSurroundings lie, NewVectors faster, NewVectors farther,
+                Vector lower, Vector upper, const surfsup::SolidMap* map, Turn turn, NewActions acts, NewSurroundings lie, NewVectors faster, NewVectors farther, NewVectors slope, NewVectors places,
                 const std::string& path, int threads, int64_t most_edges) {
     const surfsup::Fluid fluid = fluid_of(positions, velocities, ahead, distance, normal, gravity, lower, upper, map, turn);
-    for (const size_t rows : {acts.shape(0), lie.shape(0), faster.shape(0), farther.shape(0)})
+    for (const size_t rows : {acts.shape(0), lie.shape(0), faster.shape(0), farther.shape(0), slope.shape(0), places.shape(0)})
         expect(rows, velocities.shape(0), "what is told");
     const surfsup::Path& chosen = path_of(path);
     const nb::gil_scoped_release unlocked;
-    return held.network.observe(fluid, {acts.data(), lie.data(), faster.data(), farther.data()}, chosen, threads, most_edges);
+    return held.network.observe(fluid, {acts.data(), lie.data(), faster.data(), farther.data(), slope.data(), places.data()}, chosen, threads, most_edges);
 }
 
 void look(const surfsup::Solid& solid, Vectors points, NewValues distance, NewVectors normal, int threads) {
@@ -351,13 +352,13 @@ NB_MODULE(_native, module) {
         .def("look", look, array("points"), array("distance"), array("normal"), "threads"_a);
     nb::class_<HeldNetwork>(module, "Network")
         .def("__init__", make, nb::kw_only(), array("encoder"), array("factors"), array("layers"), array("decoder"),
-             "solids"_a, "radius"_a, "around"_a, "frame_time"_a, "reach"_a, "displacement_scale"_a, "velocity_scale"_a,
-             "nearness_scale"_a, "density_scale"_a, "own_density"_a, "densest"_a, "step_time"_a, "of_rise"_a, "of_excess"_a, "least"_a, "most_dense"_a, "viscosity"_a, "softened"_a, "position_share"_a, "largest"_a,
-             "thickest"_a)
+             "solids"_a, "radius"_a, "frame_time"_a, "displacement_scale"_a, "velocity_scale"_a, "slope_scale"_a,
+             "density_scale"_a, "own_density"_a, "steps"_a, "of_rise"_a, "of_excess"_a, "least"_a, "most_dense"_a, "viscosity"_a,
+             "softened"_a, "pressure_scale"_a, "position_share"_a, "largest"_a, "thickest"_a)
         .def("step", step, array("positions"), array("velocities"),
              array("ahead"), array("distance"), array("normal"), array("gravity"), array("lower"), array("upper"), "map"_a.none(), array("turn"),
              array("new_positions"), array("new_velocities"), "path"_a, "threads"_a, "most_edges"_a)
         .def("observe", observe, array("positions"), array("velocities"),
              array("ahead"), array("distance"), array("normal"), array("gravity"), array("lower"), array("upper"), "map"_a.none(), array("turn"),
-             array("acts"), array("lie"), array("faster"), array("farther"), "path"_a, "threads"_a, "most_edges"_a);
+             array("acts"), array("lie"), array("faster"), array("farther"), array("slope"), array("places"), "path"_a, "threads"_a, "most_edges"_a);
 }

@@ -102,27 +102,27 @@ int64_t Network::look(const Fluid& fluid, const Path& path, int threads, int64_t
     read_weights();
     halfway_.resize(3 * count);
     for (size_t k = 0; k < 3 * count; ++k) halfway_[k] = 0.5f * (fluid.positions[k] + fluid.ahead[k]);
-    const bool finite = cells_.sort(halfway_.data(), fluid.count, constants_.around);
+    const bool finite = cells_.sort(halfway_.data(), fluid.count, constants_.radius);
     const int32_t* order = cells_.order();
     for (auto* sorted : {&x_, &y_, &z_}) sorted->resize(count + MULTIPLE);
-    velocity_.resize(4 * count);
-    for (auto* with_one_more : {&place_, &speed_}) with_one_more->resize(4 * (count + 1));
-    for (auto* with_one_more : {&taken_, &lightness_}) with_one_more->resize(count + 1);
+    motion_.resize(static_cast<size_t>(MOTION) * (count + 1));
+    pressures_.resize(count + 1);
     for (size_t i = 0; i < count; ++i) {
         const size_t caller = static_cast<size_t>(order[i]);
         x_[i] = halfway_[3 * caller];
         y_[i] = halfway_[3 * caller + 1];
         z_[i] = halfway_[3 * caller + 2];
+        float* motion = &motion_[static_cast<size_t>(MOTION) * i];
         for (size_t axis = 0; axis < 3; ++axis) {
-            place_[4 * i + axis] = fluid.positions[3 * caller + axis];
-            speed_[4 * i + axis] = velocity_[4 * i + axis] = fluid.velocities[3 * caller + axis];
+            motion[axis] = fluid.positions[3 * caller + axis];
+            motion[4 + axis] = fluid.velocities[3 * caller + axis];
         }
-        place_[4 * i + 3] = speed_[4 * i + 3] = 0.0f;
-        velocity_[4 * i + 3] = 1.0f;
+        motion[3] = motion[7] = 0.0f;
     }
-    std::fill_n(&place_[4 * count], 4, FAR_AWAY);
-    std::fill_n(&speed_[4 * count], 4, 0.0f);
-    taken_[count] = lightness_[count] = 0.0f;
+    float* beyond = &motion_[static_cast<size_t>(MOTION) * count];
+    std::fill_n(beyond, 4, FAR_AWAY);
+    std::fill_n(beyond + 4, 4, 0.0f);
+    pressures_[count] = 0.0f;
     edges_.resize(count);
     sweeps_.resize(count);
     const size_t with_room = count + static_cast<size_t>(path.rows);
@@ -138,7 +138,6 @@ int64_t Network::look(const Fluid& fluid, const Path& path, int threads, int64_t
     frame.cells = cells_.cells();
     frame.order = order;
     frame.x = x_.data(), frame.y = y_.data(), frame.z = z_.data();
-    frame.velocity = velocity_.data();
     frame.positions = fluid.positions, frame.velocities = fluid.velocities;
     frame.ahead = fluid.ahead, frame.distance = fluid.distance, frame.normal = fluid.normal;
     for (int axis = 0; axis < 3; ++axis) {
@@ -152,8 +151,7 @@ int64_t Network::look(const Fluid& fluid, const Path& path, int threads, int64_t
     frame.edges = edges_.data();
     frame.acts = acts_.data(), frame.lie = lie_.data();
     frame.sweeps = sweeps_.data();
-    frame.place = place_.data(), frame.speed = speed_.data();
-    frame.taken = taken_.data(), frame.lightness = lightness_.data();
+    frame.motion = motion_.data(), frame.pressures = pressures_.data();
 
     const int most = std::max(1, threads);
     arenas_.resize(std::max(arenas_.size(), static_cast<size_t>(most)));
@@ -169,13 +167,10 @@ int64_t Network::look(const Fluid& fluid, const Path& path, int threads, int64_t
     });
     if (!enough) throw std::bad_alloc();
     if (edges > most_edges) return edges;
-    for (int step = 0; step < SOLVER_STEPS; ++step) {
+    for (int step = 0; step < constants_.steps; ++step) {
         in_parallel(most, fluid.count, portion, [&](int, int32_t begin, int32_t end) { path.approach(frame, step, begin, end); });
-        in_parallel(most, fluid.count, portion, [&](int, int32_t begin, int32_t end) { path.push(frame, begin, end); });
-        in_parallel(most, fluid.count, portion, [&](int, int32_t begin, int32_t end) { path.press(frame, step, begin, end); });
         in_parallel(most, fluid.count, portion, [&](int, int32_t begin, int32_t end) { path.leave(frame, step, begin, end); });
     }
-    in_parallel(most, fluid.count, portion, [&](int, int32_t begin, int32_t end) { path.tell(frame, begin, end); });
     return finite ? edges.load() : -1;
 }
 
@@ -205,6 +200,7 @@ int64_t Network::step(const Fluid& fluid, float* positions, float* velocities, c
         in_parallel(most, fluid.count, portion, [&](int thread, int32_t begin, int32_t end) {
             path.layer(frame, number, begin, end, scratch_[static_cast<size_t>(thread)].data());
         });
+    in_parallel(most, fluid.count, portion, [&](int, int32_t begin, int32_t end) { path.finish(frame, begin, end); });
     return edges;
 }
 
@@ -220,6 +216,8 @@ int64_t Network::observe(const Fluid& fluid, const Told& told, const Path& path,
         std::copy_n(frame.lie + i * SURROUNDINGS, SURROUNDINGS, told.lie + caller * SURROUNDINGS);
         std::copy_n(frame.sweeps[i].faster, 3, told.faster + caller * 3);
         std::copy_n(frame.sweeps[i].farther, 3, told.farther + caller * 3);
+        std::copy_n(frame.sweeps[i].slope, 3, told.slope + caller * 3);
+        std::copy_n(frame.motion + i * MOTION, 3, told.places + caller * 3);
     }
     return edges;
 }

@@ -31,9 +31,10 @@ struct Fluid {
     MapView map;
 };
 
-// What the network is told of each particle, as features.py has it: (count, ACTIONS), (count, SURROUNDINGS), and (count, 3).
+// What the network is told of each particle, as features.py has it: (count, ACTIONS), (count, SURROUNDINGS), and (count, 3),
+// the last of them where the last step of the sweeps begins.
 struct Told {
-    float *acts, *lie, *faster, *farther;
+    float *acts, *lie, *faster, *farther, *slope, *places;
 };
 
 class Network {
@@ -67,7 +68,7 @@ private:
     // Kept from step to step; a second caller waits.
     std::mutex stepping_;
     CellList cells_;
-    AlignedFloats halfway_, x_, y_, z_, velocity_, acts_, lie_, place_, speed_, taken_, lightness_, factors_, hidden_[2], told_[2];
+    AlignedFloats halfway_, x_, y_, z_, motion_, pressures_, acts_, lie_, factors_, hidden_[2], told_[2];
     std::vector<Edges> edges_;
     std::vector<Sweep> sweeps_;
     std::vector<Arena> arenas_;

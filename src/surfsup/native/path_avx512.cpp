@@ -1,6 +1,8 @@
 // For processors with AVX-512: F, BW, DQ and VL.
 #define PATH path_avx512
-#include "path.hpp"
+#include "search_path.hpp"
+#include "sweeps_path.hpp"
+#include "network_path.hpp"
 #include "convolution_path.hpp"
 #include "solid_path.hpp"
 
@@ -13,7 +15,6 @@ static bool supported() {
 #else
 static bool supported() { return false; }  // not a processor of that kind at all
 #endif
-const Path avx512 = {"avx512", supported, PATH::ROWS, PATH::scratch, PATH::look, PATH::approach, PATH::push, PATH::press, PATH::leave, PATH::tell,
-                    PATH::encode, PATH::layer,
+const Path avx512 = {"avx512", supported, PATH::ROWS, PATH::scratch, PATH::look, PATH::approach, PATH::leave, PATH::encode, PATH::layer, PATH::finish,
                      PATH::convolve, PATH::convolve_back, PATH::weigh, PATH::within, sizeof(PATH::Search), PATH::distance};
 }  // namespace surfsup

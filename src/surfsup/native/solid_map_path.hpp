@@ -2,14 +2,13 @@
 #pragma once
 
 #include "frame.hpp"
+#include "lanes.hpp"
 
 namespace PATH {
 namespace {
 
 using surfsup::MapView;
 using surfsup::NODES;
-
-typedef float Eight __attribute__((vector_size(32)));
 
 // Where a group of eight nodes lies: at the corners, or on the edges along one axis, two on each.
 constexpr Eight CORNER_X = {-1, 1, -1, 1, -1, 1, -1, 1}, CORNER_Y = {-1, -1, 1, 1, -1, -1, 1, 1};
@@ -22,10 +21,6 @@ inline Eight load_eight(const float* from) {
     Eight values;
     std::memcpy(&values, from, sizeof values);
     return values;
-}
-
-inline float sum_eight(Eight values) {
-    return ((values[0] + values[4]) + (values[1] + values[5])) + ((values[2] + values[6]) + (values[3] + values[7]));
 }
 
 // Sums over a cell's nodes: distance, share, and the slope of the distance.
@@ -87,11 +82,13 @@ inline void look_up(const MapView& map, const float* place, float& distance, flo
     add_edges(nodes + 8, at, 0, 1, 2, looked);
     add_edges(nodes + 16, at, 1, 2, 0, looked);
     add_edges(nodes + 24, at, 2, 0, 1, looked);
-    distance = sum_eight(looked.distance);
-    share = sum_eight(looked.share);
+    float sums[8];
+    sum_each({looked.distance, looked.share, looked.slope[0], looked.slope[1], looked.slope[2], Eight{}, Eight{}, Eight{}}, sums);
+    distance = sums[0];
+    share = sums[1];
     float slope[3], square = 0.0f;
     for (int axis = 0; axis < 3; ++axis) {
-        slope[axis] = sum_eight(looked.slope[axis]) * map.per_cell[axis];
+        slope[axis] = sums[2 + axis] * map.per_cell[axis];
         square += slope[axis] * slope[axis];
     }
     const float scale = 1.0f / (__builtin_sqrtf(square) + 1e-12f);

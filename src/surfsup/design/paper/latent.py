@@ -17,7 +17,7 @@ from surfsup.design.parameter import Parameter
 from surfsup.design.reward import Outcome, near
 from surfsup.design.task import Task
 from surfsup.errors import InputError
-from surfsup.model.features import REACH
+from surfsup.model.solid_density import SUPPORT
 from surfsup.scene import Block, Fluid, Scene
 from surfsup.sdf import Surface, Transformed
 from surfsup.sdf.deepsdf import DeepSdfSurface, load_deepsdf
@@ -32,7 +32,7 @@ BOTTOM = 0.88  # metres of the block above the floor
 SPEED = 2.0  # m/s
 PRIOR = 1e-3  # of the mean squared distance from the mean code, in spreads
 STEP = 0.1  # of the spread of the codes
-FELT = 1.5 * REACH / RADIUS  # in the unit of the network: farther off no particle feels the chair
+FELT = 1.5 * SUPPORT / RADIUS  # in the unit of the network: farther off no particle feels the chair
 FARTHEST = 4.0  # spreads that any number of the code may be off the mean
 
 
