@@ -21,7 +21,7 @@ def test_the_solid_of_a_film_is_open_towards_the_camera():
 
 
 def test_figures_show_every_parameter(simulator, tmp_path):
-    run = climb(run_of(ball_task(height=0.17, reward=away), simulator, tmp_path, iterations=1))
+    run = climb(run_of(ball_task(height=0.2, reward=away), simulator, tmp_path, iterations=1))
     assert list(curves(run)) == ["x"] and len(curves(run)["x"]) == 2
     assert draw_runs([run, run], tmp_path / "runs.png").stat().st_size > 10_000
     assert draw_rivals({"a": [0.0, 1.0], "b": [0.5]}, "title", tmp_path / "rivals.png").stat().st_size > 5_000

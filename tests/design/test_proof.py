@@ -111,7 +111,7 @@ class TestSearchesWithoutGradients:
 class TestTheVerdict:
     def test_is_the_solvers(self, simulator, tmp_path, monkeypatch):
         monkeypatch.setattr("surfsup.design.shape_files.RESOLUTION", 32)
-        run = climb(run_of(ball_task(height=0.17, reward=away), simulator, tmp_path, iterations=2))
+        run = climb(run_of(ball_task(height=0.2, reward=away), simulator, tmp_path, iterations=2))
         proof = prove(run, lambda done, total: None)
         assert proof.holds == (proof.best.true > proof.first.true)
         assert ("holds" if proof.holds else "FAILS") in proof.text()

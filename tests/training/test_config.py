@@ -61,7 +61,7 @@ def test_a_file_can_be_like_a_preset(tmp_path):
         ("fast", "precision=bf16", "kind 'convolution' computes in precision 32 only"),
         ("surfsup", "phases=[{until: 1, calm: 1}]", "kind 'surfsup' has no calm term"),
         ("surfsup", "phases=[{until: 1, energy: 1}]", "kind 'surfsup' has no energy term"),
-        ("fast", "messages=49", "messages is 49, but must be 1 to 48, the width"),
+        ("fast", "messages=17", "messages is 17, but must be 1 to 16, the width"),
         ("surfsup", "history=1000", "history is 1000"),
     ],
 )

@@ -1,4 +1,4 @@
-"""The objective of the convolution: its correction to ballistic motion, of velocity and of position."""
+"""The objective of the convolution: its correction to what the rule makes of a frame, of velocity and of position."""
 
 from __future__ import annotations
 
