@@ -44,7 +44,7 @@ def test_squeezing_costs_what_the_phase_weighs_it(run, data):
         distance = window.around.distance_and_normal(places)[0]
         squeezed.append(density_loss(places, neighbourhood(places.detach(), 0.061), distance, window.around))
     assert torch.stack(squeezed).mean() > 0.005
-    # The solid is taken for flat, and only who was near in the frame's middle counts: with so much noise some come since.
+    # The solid is taken for flat, and who was near in the frame's middle counts: with so much noise some come since.
     torch.testing.assert_close(dear - plain, 2 * torch.stack(squeezed).mean(), rtol=0.15, atol=0)
 
 
