@@ -5,7 +5,6 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from surfsup.model.features import own_density
 from surfsup.model.neighbours import neighbourhood
 from surfsup.model.solid_density import SUPPORT
 from surfsup.model.state import FRAME_TIME, SOLVER_STEPS, State, Surroundings
@@ -28,7 +27,7 @@ def swept(state: State, place: Surroundings) -> tuple[torch.Tensor, torch.Tensor
     ahead = state.ballistic(place.gravity)[0]
     distance, normal = place.distance_and_normal(ahead)
     near = neighbourhood(0.5 * (state.positions + ahead), RADIUS)
-    return sweep(state, ahead, distance, normal, place, near, own_density(RADIUS), RADIUS)[:2]
+    return sweep(state, ahead, distance, normal, place, near, RADIUS)[:2]
 
 
 def lattice(side: int) -> torch.Tensor:

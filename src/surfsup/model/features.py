@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import torch
@@ -12,7 +11,6 @@ from surfsup.model.convolution import KERNELS, Graph
 from surfsup.model.neighbours import Neighbourhood
 from surfsup.model.state import FRAME_TIME, State, Surroundings
 from surfsup.model.sweeps import squares, sweep
-from surfsup.scene import SPACING
 
 DISPLACEMENT_SCALE = 1e-4  # metres: the spread of what is wrong with the solver's rule after a frame (measured)
 # What the network is told is of like size, whatever it is, in the splash: it learns faster so (measured).
@@ -77,7 +75,7 @@ def observe_features(
     How the neighbours lie: kernel sums of one, that is density and its slope (4), the sum of the squares of their
     slopes (1), the density of solid and walls (1), no larger than in true water.
     """
-    faster, farther, last = sweep(state, ahead, distance, normal, around, near, own_density(radius), radius)
+    faster, farther, last = sweep(state, ahead, distance, normal, around, near, radius)
     lie = last.sums[:, :, 3]
     against = last.sums[:, 0, :3] - lie[:, :1] * last.velocities
     acts = torch.cat(
@@ -95,13 +93,3 @@ def observe_features(
     thickest = told.new_tensor(THICKEST)
     told = torch.minimum(torch.maximum(told, -thickest), thickest)
     return Features(acts, told, faster, farther, last.slope, last.graph)
-
-
-def own_density(radius: float) -> float:
-    """A particle's share of its own density, in units of the lattice's, by a kernel that reaches ``radius`` metres."""
-    return 8 / math.pi * (SPACING / radius) ** 3
-
-
-def density_slope(radius: float) -> float:
-    """From the slope of kernels that reach ``radius`` metres to that of density, 1/m."""
-    return 2 * own_density(radius) / radius

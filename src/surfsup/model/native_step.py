@@ -22,7 +22,6 @@ from surfsup.model.features import (
     THICKEST,
     VELOCITY_SCALE,
     Features,
-    own_density,
 )
 from surfsup.model.guard import Look
 from surfsup.model.neighbours import blown_up, collapsed, most_edges, neighbourhood
@@ -30,7 +29,7 @@ from surfsup.model.network import ConvolutionNetwork
 from surfsup.model.solid_density import DEEPEST, NEAREST, OFFSET, STRENGTH, SUPPORT, TABLE_STEP, entries
 from surfsup.model.solid_map import UNTURNED
 from surfsup.model.state import FRAME_TIME, SOLVER_STEPS, State, Surroundings, free_fall_drop
-from surfsup.model.sweeps import DIMENSIONS, LEAST, MOST_DENSE, OF_EXCESS, OF_RISE, SOFTENED, VISCOSITY
+from surfsup.model.sweeps import DIMENSIONS, LEAST, MOST_DENSE, OF_EXCESS, OF_RISE, SOFTENED, VISCOSITY, own_density
 from surfsup.model.walls import CLOSEST
 from surfsup.scene import WALL_CELL
 

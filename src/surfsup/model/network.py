@@ -45,7 +45,7 @@ class ConvolutionNetwork(nn.Module):
         self.decoder = nn.Sequential(
             nn.Linear(width, width, bias=False), nn.SiLU(), nn.Linear(width, outputs, bias=False)
         )
-        # The decoder starts small: an untrained model is close to ballistic motion.
+        # The decoder starts small: an untrained model is close to the rule alone.
         nn.init.normal_(self.decoder[-1].weight, std=1e-3)
 
     def forward(self, actions: Tensor, surroundings: Tensor, graph: Graph) -> Tensor:

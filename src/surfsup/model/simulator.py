@@ -11,13 +11,14 @@ from torch import Tensor
 from surfsup.model.convolution import Graph, join
 from surfsup.model.correction import Correction
 from surfsup.model.energy import without_gain
-from surfsup.model.features import ACTIONS, SURROUNDINGS, density_slope, observe_features
+from surfsup.model.features import ACTIONS, SURROUNDINGS, observe_features
 from surfsup.model.guard import Look, guard
 from surfsup.model.learned_simulator import LearnedSimulator
 from surfsup.model.native_step import NativeStep
 from surfsup.model.neighbours import neighbourhood
 from surfsup.model.network import ConvolutionNetwork
 from surfsup.model.state import FRAME_TIME, State, Surroundings
+from surfsup.model.sweeps import density_slope
 
 OUTPUTS = 1  # a pressure
 PARTICLES = ("ahead", "places", "speeds", "distance", "normal", "acts", "lie", "slope")  # of an observation

@@ -10,6 +10,7 @@ and who is whose neighbour is that of the frame's middle.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import torch
@@ -20,6 +21,7 @@ from surfsup.model.neighbours import Neighbourhood
 from surfsup.model.solid_density import SUPPORT, flat_share, solid_density
 from surfsup.model.state import SOLVER_STEPS, STEP_TIME, State, Surroundings
 from surfsup.model.walls import walls_density
+from surfsup.scene import SPACING
 
 # Shares of a sweep that are made. One of the solver's makes a half; of the second kind it makes two, of which one and a
 # bit are enough, and the water rests the better for it (measured).
@@ -63,7 +65,6 @@ def sweep(
     normal: Tensor,
     around: Surroundings,
     near: Neighbourhood,
-    own: float,
     radius: float,
 ) -> tuple[Tensor, Tensor, LastStep]:
     """What the rule adds to the velocities (N, 3) in m/s and places (N, 3) in metres of ballistic motion.
@@ -77,10 +78,9 @@ def sweep(
         normal: (N, 3) the solid's there.
         around: container and gravity.
         near: the neighbours halfway to there, within the radius.
-        own: a particle's share of its own density, in units of the lattice's.
         radius: reach of the kernels, metres.
     """
-    scale = 2 * own / radius  # from the kernels' slope to density's, a metre
+    own, scale = own_density(radius), density_slope(radius)
     faster, farther = torch.zeros_like(ahead), torch.zeros_like(ahead)
     place, allowed = state.positions, None
     for step in range(SOLVER_STEPS):
@@ -128,6 +128,16 @@ def of_solids(
     of_solid, rise = solid_density(distance, share)
     of_walls, slope = walls_density(place, around)
     return of_solid + of_walls, slope - (rise / SUPPORT)[:, None] * normal
+
+
+def own_density(radius: float) -> float:
+    """A particle's share of its own density, in units of the lattice's, by a kernel that reaches ``radius`` metres."""
+    return 8 / math.pi * (SPACING / radius) ** 3
+
+
+def density_slope(radius: float) -> float:
+    """From the slope of kernels that reach ``radius`` metres to that of density, 1/m."""
+    return 2 * own_density(radius) / radius
 
 
 def squares(seen: Graph) -> Tensor:
