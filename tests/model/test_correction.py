@@ -1,8 +1,11 @@
 import torch
 
+from surfsup.model.convolution import graph
 from surfsup.model.correction import LARGEST, Correction
 from surfsup.model.features import DISPLACEMENT_SCALE
+from surfsup.model.neighbours import neighbourhood
 from surfsup.model.state import FRAME_TIME
+from surfsup.model.sweeps import density_slope
 
 
 def test_the_largest_correction_is_five_metres_a_second():
@@ -27,3 +30,24 @@ def test_added_to_what_falls():
     positions, velocities = one.added_to(torch.zeros(1, 3), torch.ones(1, 3))
     torch.testing.assert_close(positions, torch.tensor([[0.0, DISPLACEMENT_SCALE, 0.0]]))
     torch.testing.assert_close(velocities, torch.tensor([[1.0 + DISPLACEMENT_SCALE / FRAME_TIME, 1.0, 1.0]]))
+
+
+def against(rise: list[float], shares: list[float]) -> torch.Tensor:
+    """What two particles side by side are made to do, (2, 3)."""
+    places, radius = torch.tensor([[0.0, 0.0, 0.0], [0.02, 0.0, 0.0]]), 0.06
+    seen, scale = graph(places, neighbourhood(places, radius), radius), density_slope(radius)
+    slope = scale * torch.stack([kernels[1:] for kernels in seen.kernels])  # each has the other alone
+    return Correction.against(torch.tensor(rise), torch.tensor(shares), slope, scale, seen).velocity
+
+
+def test_pressures_push_both_apart_equally():
+    one, other = against([1.0, 0.0], [2.0, 3.0])
+    assert one[0] < -0.1
+    assert not one[1:].any()
+    torch.testing.assert_close(other, -one)
+    torch.testing.assert_close(against([2.0, 0.0], [1.0, 3.0])[0], one)  # a share of what rises
+
+
+def test_nothing_is_done_where_density_does_not_rise_and_nothing_draws_together():
+    assert not against([-1.0, 0.0], [2.0, 3.0]).any()
+    assert not against([1.0, 1.0], [-2.0, -0.1]).any()

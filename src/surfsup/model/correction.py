@@ -30,19 +30,21 @@ class Correction:
     position: Tensor
 
     @classmethod
-    def by_pressures(cls, pressures: Tensor, slope: Tensor, scale: float, seen: Graph) -> Correction:
-        """What pressures do to the particles, which push each other, solids and walls away, equally.
+    def against(cls, rise: Tensor, shares: Tensor, slope: Tensor, scale: float, seen: Graph) -> Correction:
+        """What pressures against the rise of density do to the particles, which push each other and solids, equally.
 
-        So nothing that a network says moves the water as a whole, and as none may be negative, nor presses it together:
-        a network free to say any velocity did, and made single frames better and rollouts worse (measured).
+        So nothing that a network says moves the water as a whole, nor presses it together: a network free to say any
+        velocity did, and made single frames better and rollouts worse (measured). Where density does not rise it says
+        nothing: a network free to say any pressure carried a part of a pool in one push a frame, and made it tremble.
 
         Args:
-            pressures: (N,) in PRESSURE_SCALE; negative ones count as none.
+            rise: (N,) of density, told as in :mod:`.features`; a fall counts as none.
+            shares: (N,) of it, in PRESSURE_SCALE; negative ones count as none.
             slope: (N, 3) of density, 1/m.
             scale: from the kernels' slope to density's, 1/m.
             seen: the neighbours.
         """
-        taken = pushed(PRESSURE_SCALE * pressures.clamp(min=0), slope, scale, seen)
+        taken = pushed(PRESSURE_SCALE * shares.clamp(min=0) * rise.clamp(min=0), slope, scale, seen)
         velocity = -taken * (FRAME_TIME / DISPLACEMENT_SCALE)
         return cls(velocity, POSITION_SHARE * velocity)
 

@@ -21,6 +21,7 @@ SLOPE_SCALE, DENSITY_SCALE = 20.0, 0.02  # 1/m; the lattice's
 THICKEST = (3.0, 2.5, 2.5, 2.5, 4.0, 1.5)
 
 ACTIONS = 14
+RISE = 13  # the column of density's rise
 SURROUNDINGS = KERNELS + 2
 
 

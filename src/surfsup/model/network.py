@@ -46,7 +46,7 @@ class ConvolutionNetwork(nn.Module):
             nn.Linear(width, width, bias=False), nn.SiLU(), nn.Linear(width, outputs, bias=False)
         )
         # The decoder starts small: an untrained model is close to the rule alone.
-        nn.init.normal_(self.decoder[-1].weight, std=1e-3)
+        nn.init.normal_(self.decoder[-1].weight, std=1e-2)
 
     def forward(self, actions: Tensor, surroundings: Tensor, graph: Graph) -> Tensor:
         """What acts (N, actions) and how the neighbours lie (N, surroundings) -> (N, outputs)."""

@@ -11,7 +11,7 @@ from torch import Tensor
 from surfsup.model.convolution import Graph, join
 from surfsup.model.correction import Correction
 from surfsup.model.energy import without_gain
-from surfsup.model.features import ACTIONS, SURROUNDINGS, observe_features
+from surfsup.model.features import ACTIONS, RISE, SURROUNDINGS, observe_features
 from surfsup.model.guard import Look, guard
 from surfsup.model.learned_simulator import LearnedSimulator
 from surfsup.model.native_step import NativeStep
@@ -124,9 +124,9 @@ class Simulator(LearnedSimulator[State]):
 
     def correct(self, seen: Observation) -> Correction:
         """The network's correction to what the sweeps have made: pressures that these have missed."""
-        pressures = self.network(seen.acts, seen.lie, seen.graph)[:, 0]
+        shares = self.network(seen.acts, seen.lie, seen.graph)[:, 0]
         scale = density_slope(self.architecture.radius)
-        return Correction.by_pressures(pressures, seen.slope, scale, seen.graph).bounded()
+        return Correction.against(seen.acts[:, RISE], shares, seen.slope, scale, seen.graph).bounded()
 
     def advance(self, seen: Observation, correction: Correction) -> tuple[Tensor, Tensor]:
         """Positions (N, 3) and velocities (N, 3) one frame later, before the guard."""

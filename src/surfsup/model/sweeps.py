@@ -23,9 +23,9 @@ from surfsup.model.state import SOLVER_STEPS, STEP_TIME, State, Surroundings
 from surfsup.model.walls import walls_density
 from surfsup.scene import SPACING
 
-# Shares of a sweep that are made. One of the solver's makes a half; of the second kind it makes two, of which one and a
-# bit are enough, and the water rests the better for it (measured).
-OF_RISE, OF_EXCESS = 0.5, 0.6
+# Shares of a sweep that are made: half of one against density's rise, as of the solver's, and of what is too dense so
+# much that density in deep water does not swing from step to step; it would from 0.93 on (docs/architecture.md).
+OF_RISE, OF_EXCESS = 0.5, 0.8
 LEAST = 1e-5  # 1/m²: where density depends on places no more than this, nothing can be done
 VISCOSITY = 0.01  # m²/s: the solver's
 DIMENSIONS = 10  # 2 (d + 2) of the viscosity's Laplacian
@@ -101,10 +101,7 @@ def sweep(
         rise = rate_of(sums, speed, scale) + (slope_of_solids * (speed + fallen)).sum(dim=-1)
         too_dense = (density - allowed).clamp(max=MOST_DENSE)
         last = LastStep(seen, sums, speed, of_solid, slope_of_solids, slope, too_dense, rise)
-        against_rise = OF_RISE * rise.clamp(min=0)
-        by_gravity = STEP_TIME * (slope_of_solids * around.gravity).sum(dim=-1)
-        excess = too_dense / STEP_TIME + rise + by_gravity - against_rise
-        pressures = ease * (against_rise + OF_EXCESS * excess.clamp(min=0))
+        pressures = ease * (OF_RISE * rise.clamp(min=0) + OF_EXCESS / STEP_TIME * too_dense.clamp(min=0))
         dragged = STEP_TIME * viscosity(speed, place, density, scale, radius, seen)
         faster = faster - pushed(pressures, slope, scale, seen) + dragged
         farther = farther + STEP_TIME * faster

@@ -11,6 +11,7 @@ namespace surfsup {
 
 constexpr int KERNELS = 4;
 constexpr int ACTIONS = 14, SURROUNDINGS = 6;  // what acts on a particle, and how its neighbours lie, see features.py
+constexpr int RISE = 13;                            // the column of density's rise among the first
 constexpr int OUTPUTS = 1, OUTPUT_ROOM = 16;
 
 // Numbers of the model that are defined in Python; lengths in metres, times in seconds.
@@ -24,7 +25,7 @@ struct Constants {
     float least;                 // 1/m²: where density depends on places no more than this, nothing can be done
     float most_dense;            // how much too dense it is taken to be at most
     float viscosity, softened;   // m²/s, with what its Laplacian is multiplied by; a share of the squared radius
-    float pressure_scale;        // m²/s of a unit of what the network says
+    float pressure_scale;        // m²/s of a unit of what the network says, of a unit of density's rise
     float position_share;        // of a velocity correction that shows in the displacement
     float largest;               // largest velocity correction, in displacement_scale
     std::array<float, SURROUNDINGS> thickest;  // largest sums that the factors are told of

@@ -181,8 +181,8 @@ void decode(const Frame& frame, int32_t block, int here, const float* hidden, fl
         store(out + row * OUTPUT_ROOM + column, sum);
     });
     for (int row = 0; row < here; ++row) {
-        const float pressure = out[row * OUTPUT_ROOM];
-        frame.pressures[block + row] = pressure < 0.0f ? 0.0f : frame.constants.pressure_scale * pressure;
+        const float share = out[row * OUTPUT_ROOM], rise = frame.acts[static_cast<int64_t>(block + row) * ACTIONS + RISE];
+        frame.pressures[block + row] = share < 0.0f || rise < 0.0f ? 0.0f : frame.constants.pressure_scale * share * rise;
     }
 }
 

@@ -159,7 +159,7 @@ inline void tell(const Frame& frame, int32_t i, const Sums& sums, float of_solid
         lie[1 + axis] = sums.slope[axis];
     }
     acts[12] = at_least_none(too_dense) / c.density_scale;
-    acts[13] = rise * c.frame_time / c.density_scale;
+    acts[RISE] = rise * c.frame_time / c.density_scale;
     lie[0] = sums.window;
     lie[4] = sums.squares;
     lie[5] = of_solid;
@@ -169,7 +169,7 @@ inline void tell(const Frame& frame, int32_t i, const Sums& sums, float of_solid
     }
 }
 
-// Density at the places of a step, and the pressures against its rise and against what would be too dense at the end.
+// Density at the places of a step, and the pressures against its rise and against what is too dense.
 template <bool LAST>
 inline void approach_in(const Frame& frame, int step, int32_t begin, int32_t end) {
     const Constants& c = frame.constants;
@@ -193,9 +193,7 @@ inline void approach_in(const Frame& frame, int step, int32_t begin, int32_t end
         const float ease = size > c.least ? 1.0f / size : size != size ? size : 0.0f;
         if (step == 0 && !frame.map.places && frame.distance[caller] < frame.solids.support && density > 1.0f) sweep.allowed = density;
         const float above = density - sweep.allowed, too_dense = above > c.most_dense ? c.most_dense : above;
-        const float against_rise = c.of_rise * at_least_none(rise), by_gravity = step_time * dot(slope_of_solids, frame.gravity);
-        const float excess = too_dense / step_time + rise + by_gravity - against_rise;
-        frame.pressures[i] = ease * (against_rise + c.of_excess * at_least_none(excess));
+        frame.pressures[i] = ease * (c.of_rise * at_least_none(rise) + c.of_excess / step_time * at_least_none(too_dense));
         if constexpr (LAST) tell(frame, i, sums, of_solid, slope_of_solids, too_dense, rise);
     }
 }

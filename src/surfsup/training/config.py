@@ -46,8 +46,7 @@ class Phase(BaseModel):
         unroll: steps that the loss is taken over, with gradient through all of them.
         starts: share of the windows that begin where their scene does, as every rollout; these get no noise.
         noise: metres; largest spread of the noise on the first state.
-        energy: weight of the energy term; only the convolution has one.
-        density: weight of the density term.
+        density: weight of the density term; the convolution has none.
         calm: weight of the term on small errors; only the convolution has one.
     """
 
@@ -58,7 +57,6 @@ class Phase(BaseModel):
     unroll: Count = 1
     starts: Share = 0.0
     noise: Amount = 1e-4
-    energy: Amount = 0.0
     density: Amount = 0.0
     calm: Amount = 0.0
 
@@ -137,15 +135,15 @@ class TrainingConfig(BaseModel):
         strange = [name for name in given if name not in kind.architecture_type.__dataclass_fields__]
         if strange:
             raise ValueError(f"'{strange[0]}' is no size of kind '{self.kind}'; leave it out")
-        if not issubclass(kind, MessagePassingSimulator):
+        passes_messages = issubclass(kind, MessagePassingSimulator)
+        if not passes_messages:
             if self.size is not None:
                 raise ValueError(f"kind '{self.kind}' has no sizes by name; give 'width' and 'layers'")
             if self.precision != "32":
                 raise ValueError(f"kind '{self.kind}' computes in precision 32 only")
-        else:
-            for term in ("energy", "calm"):
-                if any(getattr(phase, term) > 0 for phase in self.phases):
-                    raise ValueError(f"kind '{self.kind}' has no {term} term; leave '{term}' out of the phases")
+        missing = "calm" if passes_messages else "density"
+        if any(getattr(phase, missing) > 0 for phase in self.phases):
+            raise ValueError(f"kind '{self.kind}' has no {missing} term; leave '{missing}' out of the phases")
         _ = self.architecture
         return self
 

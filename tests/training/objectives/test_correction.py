@@ -2,11 +2,9 @@ import numpy as np
 import pytest
 import torch
 
-from surfsup.model.neighbours import neighbourhood
 from surfsup.training.config import Phase
 from surfsup.training.objectives import Batch
 from surfsup.training.objectives.correction import with_error
-from surfsup.training.objectives.density_loss import density_loss
 from surfsup.training.run import Run
 from tests.training.conftest import batch_of, config, fresh
 
@@ -29,23 +27,6 @@ def test_every_window_of_a_batch_counts(run, data):
     torch.testing.assert_close(rows, torch.cat([row for _, row in apart]), equal_nan=True)
     torch.testing.assert_close(rows[:, 0].mean(), together)
     assert not rows.requires_grad
-
-
-def test_squeezing_costs_what_the_phase_weighs_it(run, data):
-    windows = batch_of(run, data).windows
-    plain, dear = (
-        run.objective(Batch(windows, fresh()), Phase(until=1, noise=0.03, density=weight))[0] for weight in (0, 2)
-    )
-    squeezed = []
-    for window, random in zip(windows, fresh(), strict=True):
-        state = with_error(run.model.state_after(*window.up_to_now), 0.03, random)
-        seen = run.model.observe(state, window.around)
-        places = run.model.advance(seen, run.model.correct(seen))[0]
-        distance = window.around.distance_and_normal(places)[0]
-        squeezed.append(density_loss(places, neighbourhood(places.detach(), 0.061), distance, window.around))
-    assert torch.stack(squeezed).mean() > 0.005
-    # The solid is taken for flat, and who was near in the frame's middle counts: with so much noise some come since.
-    torch.testing.assert_close(dear - plain, 2 * torch.stack(squeezed).mean(), rtol=0.15, atol=0)
 
 
 def test_small_errors_cost_what_the_phase_weighs_them(run, data):

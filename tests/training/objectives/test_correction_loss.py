@@ -9,10 +9,8 @@ from surfsup.model.simulator import Architecture, Simulator
 from surfsup.model.state import FRAME_TIME, State, Surroundings
 from surfsup.training.objectives.correction_loss import (
     CALM,
-    ENERGY_CELL,
     RETURN,
     calm_loss,
-    energy_loss,
     motion_loss,
     wanted_correction,
 )
@@ -21,7 +19,6 @@ from surfsup.training.objectives.strayed import FARTHEST, FASTEST
 AROUND = Surroundings(
     None, torch.tensor([-0.5, -0.5, 0.0]), torch.tensor([0.5, 0.5, 2.0]), torch.tensor([0.0, 0.0, -9.81])
 )
-SPEED = DISPLACEMENT_SCALE / FRAME_TIME  # m/s that count as 1 in the energy loss
 SURE = torch.ones(1)  # every particle is where the truth has it
 
 
@@ -111,48 +108,12 @@ def test_halving_an_error_is_worth_the_same_to_the_calm_loss_whether_it_is_large
     assert gain(CALM / 100) < 1e-2
 
 
-def speeds(*values: float) -> torch.Tensor:
-    return SPEED * torch.tensor([[value, 0.0, 0.0] for value in values])
-
-
-TOGETHER = torch.tensor([[0.01, 0.0, 0.0], [0.02, 0.0, 0.0]])
-APART = torch.tensor([[0.01, 0.0, 0.0], [0.01 + ENERGY_CELL, 0.0, 0.0]])
-
-
-@pytest.mark.parametrize(
-    ("predicted", "true", "places", "expected"),
-    [
-        # Energies 2 and 2 where 0.5 and 0.5 are true, in one cell: (4 - 1)² / (1 + 2), over 2 particles.
-        ((2, 2), (1, 1), TOGETHER, 1.5),
-        # In two cells: (2 - 0.5)² / (0.5 + 1) each.
-        ((2, 2), (1, 1), APART, 1.5),
-        # Energy exchanged inside a cell costs nothing, between cells it does: 1.5² / (0.5 + 1) + 1.5² / (2 + 1).
-        ((2, 1), (1, 2), TOGETHER, 0.0),
-        ((2, 1), (1, 2), APART, (1.5 + 0.75) / 2),
-        ((-1, 1), (1, -1), APART, 0.0),
-    ],
-)
-def test_energy_loss_worked_by_hand(predicted, true, places, expected):
-    loss = energy_loss(speeds(*predicted), speeds(*true), places, torch.zeros(3))
-    assert float(loss) == pytest.approx(expected, abs=1e-5)
-
-
-def test_the_shift_of_the_cells_decides_who_is_together():
-    boundary = torch.tensor([[ENERGY_CELL - 0.01, 0, 0], [ENERGY_CELL + 0.01, 0, 0]])
-    arguments = speeds(2, 1), speeds(1, 2), boundary
-    assert energy_loss(*arguments, torch.zeros(3)) > 1
-    assert energy_loss(*arguments, torch.tensor([0.05, 0.0, 0.0])) == pytest.approx(0, abs=1e-5)
-
-
 def test_losses_have_the_gradients_of_finite_differences():
     random = torch.Generator().manual_seed(0)
 
     def draw() -> torch.Tensor:
         return torch.randn(6, 3, generator=random, dtype=torch.float64)
 
-    places, true, shift = draw() * 0.1, 0.1 * draw(), torch.zeros(3, dtype=torch.float64)
-    velocities = (0.1 * draw()).requires_grad_()
-    assert torch.autograd.gradcheck(lambda v: energy_loss(v, true, places, shift), velocities)
     wanted, near = Correction(draw(), draw()), torch.tensor([True, False] * 3)
     predicted = draw().requires_grad_(), draw().requires_grad_()
     assert torch.autograd.gradcheck(lambda v, x: motion_loss(Correction(v, x), wanted, near, SURE), predicted)

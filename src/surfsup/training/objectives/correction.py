@@ -11,17 +11,15 @@ from torch import Tensor
 from surfsup.model.convolution import Graph
 from surfsup.model.correction import POSITION_SHARE, Correction
 from surfsup.model.simulator import Observation, Simulator, join_observations
-from surfsup.model.state import FRAME_TIME, State, Surroundings
+from surfsup.model.state import FRAME_TIME, State
 from surfsup.training.config import Phase
 from surfsup.training.objectives.correction_loss import (
     NEAR_SURFACE,
     calm_loss,
-    energy_loss,
     motion_loss,
     squared_error,
     wanted_correction,
 )
-from surfsup.training.objectives.density_loss import density_loss
 from surfsup.training.objectives.objective import Batch, Objective, StepErrors, mean_where
 from surfsup.training.objectives.strayed import weight_of
 
@@ -29,7 +27,7 @@ NOISE_DECADES = 2.0  # how many powers of ten smaller than the configured noise 
 
 
 class CorrectionObjective(Objective):
-    """Motion loss and, in phases that weigh them, the energy of small cells and the density."""
+    """Motion loss and, in phases that weigh it, the logarithm of errors."""
 
     model: Simulator
 
@@ -47,33 +45,18 @@ class CorrectionObjective(Objective):
         ]
         corrections = split(model.correct(join_observations(seen)), seen)
         errors, reached = [], []
-        for window, random, view, correction in zip(windows, batch.randoms, seen, corrections, strict=True):
+        for window, view, correction in zip(windows, seen, corrections, strict=True):
             reached.append(model.advance(view, correction))
-            true_positions, true_velocities = window.frame(number + 1)
-            wanted = wanted_correction(view, window.frame(number), (true_positions, true_velocities))
+            wanted = wanted_correction(view, window.frame(number), window.frame(number + 1))
             with torch.no_grad():
                 sure = weight_of(view.state.positions - window.frame(number)[0])
                 near = view.distance < NEAR_SURFACE
             loss = motion_loss(correction, wanted, near, sure)
-            if phase.energy > 0:
-                shift = torch.from_numpy(random.uniform(0, 1, 3).astype(np.float32)).to(near.device)
-                size = wanted.velocity.detach().square().sum(dim=-1).mean().sqrt()
-                loss = loss + phase.energy / (1 + size) * energy_loss(
-                    reached[-1][1], true_velocities, true_positions, shift
-                )
             if phase.calm > 0:
                 loss = loss + phase.calm * calm_loss(correction, wanted, sure)
-            if phase.density > 0:
-                loss = loss + phase.density * squeezed(view, reached[-1][0], window.around)
             error = squared_error(correction, wanted)
             errors.append(StepErrors(loss, mean_where(error, near), mean_where(error, ~near)))
         return errors, reached
-
-
-def squeezed(view: Observation, positions: Tensor, around: Surroundings) -> Tensor:
-    """The density loss of the ``positions`` (N, 3) that were reached; the solid is taken for flat on the way there."""
-    farther = ((positions - view.ahead) * view.normal).sum(dim=-1)
-    return density_loss(positions, view.graph.neighbourhood, view.distance + farther, around)
 
 
 def with_fixed_graph(seen: Observation) -> Observation:

@@ -17,7 +17,6 @@ NEAR_SURFACE = 0.09  # metres, the supplement's threshold
 NEAR_WEIGHT = 2.0
 RETURN = 0.3  # of the distance strayed from the truth that a frame is asked to make good
 FLOOR = 0.05  # of a frame's mean squared correction: keeps frames at rest from dominating
-ENERGY_CELL = 0.12  # metres
 CALM = 0.1  # of a correction's unit: errors below count for nothing in the calm term
 
 
@@ -72,30 +71,3 @@ def squared_error(predicted: Correction, wanted: Correction) -> Tensor:
     """Squared error of velocity and, twice, of position, of each particle (N,)."""
     error = (predicted.velocity - wanted.velocity).square().sum(dim=-1)
     return error + 2 * (predicted.position - wanted.position).square().sum(dim=-1)
-
-
-def energy_loss(velocities: Tensor, true_velocities: Tensor, places: Tensor, shift: Tensor) -> Tensor:
-    """Error of the kinetic energy of small cells of fluid.
-
-    A prediction that is right on the mean loses the energy of all that it cannot know; asking for the energy of
-    a cell rather than of a particle gives it back without asking for what is chaotic.
-
-    Args:
-        velocities: (N, 3) predicted, m/s.
-        true_velocities: (N, 3), m/s.
-        places: (N, 3) true positions, metres: they say which cell a particle counts in.
-        shift: (3,) offset of the cells, metres.
-    """
-    scale = FRAME_TIME / DISPLACEMENT_SCALE
-    energy = 0.5 * (velocities * scale).square().sum(dim=-1)
-    true_energy = 0.5 * (true_velocities * scale).square().sum(dim=-1)
-    cell = ((places + shift) / ENERGY_CELL).floor().long()
-    cell = cell - cell.amin(dim=0)
-    across = cell.amax(dim=0) + 1
-    numbers = (cell[:, 0] * across[1] + cell[:, 1]) * across[2] + cell[:, 2]  # to tell rows apart would take far longer
-    _, cell = torch.unique(numbers, return_inverse=True)
-    cells = int(cell.max()) + 1
-    total, true_total, count = (
-        energy.new_zeros(cells).index_add(0, cell, values) for values in (energy, true_energy, torch.ones_like(energy))
-    )
-    return ((total - true_total).square() / (true_total + count)).sum() / len(places)
