@@ -18,6 +18,7 @@ from surfsup.model.neighbours import neighbourhood
 from surfsup.model.simulator import Architecture, Simulator, join_observations
 from surfsup.model.solid_density import flat_share, solid_density
 from surfsup.model.state import FRAME_TIME, SOLVER_STEPS, STEP_TIME, State, Surroundings
+from surfsup.model.sweeps import sweep
 from surfsup.sdf import Sphere, Transformed
 
 GRAVITY = torch.tensor([0.0, 0.0, -9.81])
@@ -198,18 +199,22 @@ def test_the_gradient_in_a_shape_parameter_is_that_of_finite_differences():
     torch.testing.assert_close(gradient, rise / (2 * step), rtol=1e-4, atol=1e-6)
 
 
+def looked(state: State, place: Surroundings) -> tuple:
+    """What features and sweeps are made of."""
+    ahead = state.ballistic(place.gravity)[0]
+    near = neighbourhood(0.5 * (state.positions + ahead), 0.06)
+    return state, ahead, *place.distance_and_normal(ahead), place, near, 0.06
+
+
 def observed(positions: torch.Tensor, velocities: torch.Tensor, place: Surroundings) -> Features:
     """What the network is told of water at ``positions``."""
-    state = State(positions, velocities)
-    ahead = state.ballistic(place.gravity)[0]
-    near = neighbourhood(0.5 * (positions + ahead), 0.06)
-    return observe_features(state, ahead, *place.distance_and_normal(ahead), place, near, 0.06)
+    return observe_features(*looked(State(positions, velocities), place))
 
 
 def test_what_acts_beside_a_solid_and_how_neighbours_lie_are_the_documented_columns():
-    # Slow enough to stay where it is; of its way in a step leaves a half, and of that two fifths: it is at its densest.
-    velocity = torch.tensor([[0.0, 0.0, -1e-3]])
-    told = observed(torch.tensor([[0.0, 0.0, 0.32]]), velocity, around(Sphere(0.3), gravity=torch.zeros(3)))
+    state = State(torch.tensor([[0.0, 0.0, 0.32]]), torch.tensor([[0.0, 0.0, -1e-3]]))  # slow enough to stay there
+    place = around(Sphere(0.3), gravity=torch.zeros(3))
+    told, (_, _, last) = observed(state.positions, state.velocities, place), sweep(*looked(state, place))
     assert (told.acts.shape, told.lie.shape) == ((1, ACTIONS), (1, SURROUNDINGS))
     distance = torch.tensor(0.02)
     solid, fall = (float(value) for value in solid_density(distance, flat_share(distance)))
@@ -218,7 +223,9 @@ def test_what_acts_beside_a_solid_and_how_neighbours_lie_are_the_documented_colu
     expected[0:3], expected[3:6] = told.faster[0] / 0.3, told.farther[0] / (FRAME_TIME * 0.3)
     expected[8] = -slope / SLOPE_SCALE  # density falls on the way up
     assert 1 / math.pi + solid > 1  # too dense, were it not allowed to be what it is at the start
-    expected[13] = 1e-3 * 0.2**4 * slope * FRAME_TIME / DENSITY_SCALE  # how fast density rises in the last step
+    speed = float(last.velocities[0, 2])
+    assert 5e-5 < speed < 5e-4  # what it had come in by has turned it around
+    expected[13] = -speed * slope * FRAME_TIME / DENSITY_SCALE  # how fast density rises in the last step
     torch.testing.assert_close(told.acts[0], expected, atol=2e-3, rtol=1e-3)  # it moves by a micrometre
     torch.testing.assert_close(told.lie[0], torch.tensor([0, 0, 0, 0, 0, solid]), atol=1e-4, rtol=0)
 

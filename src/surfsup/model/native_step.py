@@ -29,7 +29,17 @@ from surfsup.model.network import ConvolutionNetwork
 from surfsup.model.solid_density import DEEPEST, NEAREST, OFFSET, STRENGTH, SUPPORT, TABLE_STEP, entries
 from surfsup.model.solid_map import UNTURNED
 from surfsup.model.state import FRAME_TIME, SOLVER_STEPS, State, Surroundings, free_fall_drop
-from surfsup.model.sweeps import DIMENSIONS, LEAST, MOST_DENSE, OF_EXCESS, OF_RISE, SOFTENED, VISCOSITY, own_density
+from surfsup.model.sweeps import (
+    DIMENSIONS,
+    LEAST,
+    MOST_DENSE,
+    OF_EXCESS,
+    OF_RISE,
+    SLOW,
+    SOFTENED,
+    VISCOSITY,
+    own_density,
+)
 from surfsup.model.walls import CLOSEST
 from surfsup.scene import WALL_CELL
 
@@ -180,6 +190,7 @@ def native_network(simulator: Simulator) -> native.Network:
         steps=SOLVER_STEPS,
         of_rise=OF_RISE,
         of_excess=OF_EXCESS,
+        slow=SLOW,
         least=LEAST,
         most_dense=MOST_DENSE,
         viscosity=DIMENSIONS * VISCOSITY,

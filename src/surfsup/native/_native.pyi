@@ -196,6 +196,7 @@ class Network:
         steps: int,
         of_rise: float,
         of_excess: float,
+        slow: float,
         least: float,
         most_dense: float,
         viscosity: float,

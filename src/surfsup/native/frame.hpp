@@ -22,6 +22,7 @@ struct Constants {
     float own_density;           // a particle's share of its own density, in units of the lattice's
     int steps;                   // of the sweeps, in a frame
     float of_rise, of_excess;    // shares of a sweep that are made
+    float slow;                  // 1/s: a rise of density that is not reckoned with in advance
     float least;                 // 1/m²: where density depends on places no more than this, nothing can be done
     float most_dense;            // how much too dense it is taken to be at most
     float viscosity, softened;   // m²/s, with what its Laplacian is multiplied by; a share of the squared radius

@@ -79,7 +79,7 @@ void make(HeldNetwork* network, const Weight& encoder, std::tuple<Weight, Bias, 
           const std::vector<std::tuple<Weight, Weight, Weight>>& layers, std::tuple<Weight, Weight> decoder,
           std::tuple<Bias, float, float, float, float, float, float, float, float> solids, float radius, float frame_time,
           float displacement_scale, float velocity_scale, float slope_scale, float density_scale, float own_density,
-          int steps, float of_rise, float of_excess, float least, float most_dense, float viscosity, float softened,
+          int steps, float of_rise, float of_excess, float slow, float least, float most_dense, float viscosity, float softened,
           float pressure_scale, float position_share, float largest,
           const std::array<float, surfsup::SURROUNDINGS>& thickest) {
     const auto& [factor_in, factor_in_bias, factor_out, factor_out_bias] = factors;
@@ -99,7 +99,7 @@ void make(HeldNetwork* network, const Weight& encoder, std::tuple<Weight, Bias, 
         std::move(weights),
         {factor_in_bias, factor_out_bias, share},
         {{radius, frame_time, displacement_scale, velocity_scale, slope_scale, density_scale, own_density,
-          steps, of_rise, of_excess, least, most_dense, viscosity, softened, pressure_scale, position_share, largest, thickest},
+          steps, of_rise, of_excess, slow, least, most_dense, viscosity, softened, pressure_scale, position_share, largest, thickest},
          {deepest, between, support, nearest, offset, strength, wall_cell, closest, static_cast<int>(share.shape(0)), share.data()},
          matrix(encoder), matrix(factor_in), factor_in_bias.data(), matrix(factor_out),
          factor_out_bias.data(), all, matrix(decode_in), matrix(decode_out)}};
@@ -353,7 +353,7 @@ NB_MODULE(_native, module) {
     nb::class_<HeldNetwork>(module, "Network")
         .def("__init__", make, nb::kw_only(), array("encoder"), array("factors"), array("layers"), array("decoder"),
              "solids"_a, "radius"_a, "frame_time"_a, "displacement_scale"_a, "velocity_scale"_a, "slope_scale"_a,
-             "density_scale"_a, "own_density"_a, "steps"_a, "of_rise"_a, "of_excess"_a, "least"_a, "most_dense"_a, "viscosity"_a,
+             "density_scale"_a, "own_density"_a, "steps"_a, "of_rise"_a, "of_excess"_a, "slow"_a, "least"_a, "most_dense"_a, "viscosity"_a,
              "softened"_a, "pressure_scale"_a, "position_share"_a, "largest"_a, "thickest"_a)
         .def("step", step, array("positions"), array("velocities"),
              array("ahead"), array("distance"), array("normal"), array("gravity"), array("lower"), array("upper"), "map"_a.none(), array("turn"),

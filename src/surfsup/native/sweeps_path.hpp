@@ -15,6 +15,9 @@ constexpr float UNEVEN = 3e-3f;
 
 inline float at_least_none(float value) { return value < 0.0f ? 0.0f : value; }
 
+// By how much density rises or falls faster than what is slow.
+inline float fast(float rise, float slow) { return rise - (rise > slow ? slow : rise < -slow ? -slow : rise); }
+
 inline float dot(const float* a, const float* b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
 
 // What a solid at a distance that has a share of the neighbourhood adds to density, and its rise a metre; NaN stays NaN.
@@ -169,7 +172,7 @@ inline void tell(const Frame& frame, int32_t i, const Sums& sums, float of_solid
     }
 }
 
-// Density at the places of a step, and the pressures against its rise and against what is too dense.
+// Density at the places of a step, and the pressures against its rise and against what would be too dense at the end.
 template <bool LAST>
 inline void approach_in(const Frame& frame, int step, int32_t begin, int32_t end) {
     const Constants& c = frame.constants;
@@ -193,7 +196,9 @@ inline void approach_in(const Frame& frame, int step, int32_t begin, int32_t end
         const float ease = size > c.least ? 1.0f / size : size != size ? size : 0.0f;
         if (step == 0 && !frame.map.places && frame.distance[caller] < frame.solids.support && density > 1.0f) sweep.allowed = density;
         const float above = density - sweep.allowed, too_dense = above > c.most_dense ? c.most_dense : above;
-        frame.pressures[i] = ease * (c.of_rise * at_least_none(rise) + c.of_excess / step_time * at_least_none(too_dense));
+        const float against_rise = c.of_rise * at_least_none(rise), by_gravity = step_time * dot(slope_of_solids, frame.gravity);
+        const float excess = too_dense / step_time + fast(rise - against_rise, c.slow) + by_gravity;
+        frame.pressures[i] = ease * (against_rise + c.of_excess * at_least_none(excess));
         if constexpr (LAST) tell(frame, i, sums, of_solid, slope_of_solids, too_dense, rise);
     }
 }
