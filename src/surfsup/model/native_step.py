@@ -56,15 +56,14 @@ class LookAhead:
         speeds: (N, 3), m/s.
         ahead: (N, 3) where ballistic motion would take it, metres.
         distance: (N,) of the solid from there, metres.
-        normal: (N, 3) the solid's there.
-        told: the last three, gravity, the corners of the container, the solid's map and how it is turned.
+        told: the last two, the solid's normal there (N, 3), gravity, the corners of the container, the solid's map and
+            how it is turned.
     """
 
     places: np.ndarray
     speeds: np.ndarray
     ahead: Tensor
     distance: Tensor
-    normal: Tensor
     told: list[np.ndarray | native.SolidMap | None]
 
 
@@ -162,7 +161,7 @@ def look_ahead(state: State, around: Surroundings) -> LookAhead:
     told = [value.numpy() for value in (ahead, distance, normal, around.gravity, around.lower, around.upper)]
     felt = around.felt
     told += [None, UNTURNED] if felt is None else [felt.tables.native, felt.turn]
-    return LookAhead(places, speeds, ahead, distance, normal, told)
+    return LookAhead(places, speeds, ahead, distance, told)
 
 
 def native_network(simulator: Simulator) -> native.Network:

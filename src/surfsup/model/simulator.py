@@ -21,7 +21,7 @@ from surfsup.model.state import FRAME_TIME, State, Surroundings
 from surfsup.model.sweeps import density_slope
 
 OUTPUTS = 1  # a pressure
-PARTICLES = ("ahead", "places", "speeds", "distance", "normal", "acts", "lie", "slope")  # of an observation
+PARTICLES = ("ahead", "places", "speeds", "distance", "acts", "lie", "slope")  # of an observation
 
 
 @dataclass(frozen=True)
@@ -60,7 +60,6 @@ class Observation:
         places: (N, 3) where the sweeps would take it, metres; the network corrects these.
         speeds: (N, 3) its velocities there, m/s.
         distance: (N,) of the solid from ``ahead``, metres.
-        normal: (N, 3) of the solid there.
         acts: (N, 14), what acts on each particle.
         lie: (N, 6), how its neighbours lie.
         slope: (N, 3) of density at the last of the sweeps' steps, 1/m.
@@ -72,7 +71,6 @@ class Observation:
     places: Tensor
     speeds: Tensor
     distance: Tensor
-    normal: Tensor
     acts: Tensor
     lie: Tensor
     slope: Tensor
@@ -112,7 +110,7 @@ class Simulator(LearnedSimulator[State]):
         falling = state.velocities + FRAME_TIME * around.gravity
         if self.native.can_observe(state, around, self.network):
             looked, told = self.native.observe(self, state, around)
-            ahead, distance, normal = looked.ahead, looked.distance, looked.normal
+            ahead, distance = looked.ahead, looked.distance
         else:
             ahead, _ = state.ballistic(around.gravity)
             distance, normal = around.distance_and_normal(ahead)
@@ -120,7 +118,7 @@ class Simulator(LearnedSimulator[State]):
             near = neighbourhood(0.5 * (state.positions + ahead), radius)
             told = observe_features(state, ahead, distance, normal, around, near, radius)
         places, speeds = ahead + told.farther, falling + told.faster
-        return Observation(state, ahead, places, speeds, distance, normal, told.acts, told.lie, told.slope, told.graph)
+        return Observation(state, ahead, places, speeds, distance, told.acts, told.lie, told.slope, told.graph)
 
     def correct(self, seen: Observation) -> Correction:
         """The network's correction to what the sweeps have made: pressures that these have missed."""

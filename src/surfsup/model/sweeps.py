@@ -27,7 +27,7 @@ from surfsup.scene import SPACING
 # bit are enough, and the water rests the better for it (measured).
 OF_RISE, OF_EXCESS = 0.5, 0.6
 # 1/s: how slow a rise is not reckoned with in advance. Reckoned with, it swings from step to step in deep water, and a
-# pool trembles (docs/experiments.md, "why the pool trembled"); in a splash density rises fifty times as fast.
+# pool trembles (docs/experiments.md, "why the pool trembled"); in a splash rates spread by 1.4 to 9.
 SLOW = 1.0
 LEAST = 1e-5  # 1/m²: where density depends on places no more than this, nothing can be done
 VISCOSITY = 0.01  # m²/s: the solver's
