@@ -56,15 +56,15 @@ struct Weights {
 };
 
 // The neighbours of a particle within the radius in the frame's middle, filled up to whole vectors by one that is infinitely
-// far, with room for their kernels in the step that is made: the slopes, by vectors of x, of y, of z; and what the last step
-// leaves for the network, the smoothing kernel itself.
+// far, with room for what the displacements in the step that is made are multiplied by to give the kernel's slopes.
 struct Edges {
     const int32_t* senders;
-    float *slopes, *windows;
+    float* along;
     int32_t count, filled;
 };
 
 constexpr int MOTION = 8;  // floats: a place, a nought, a speed, a nought
+constexpr int PUSH = 4;    // floats: a place and a pressure
 
 // What sweeps.py knows of a particle; lengths in metres, times in seconds, densities in the lattice's.
 struct Sweep {
@@ -106,7 +106,7 @@ struct Frame {
     Sweep* sweeps;
     // of them and one more, which is infinitely far:
     float* motion;               // (count + 1, MOTION): m in this step, and m/s but for what gravity adds
-    float* pressures;            // (count + 1) of the sweep that is made
+    float* pushes;               // (count + 1, PUSH): m in this step, and the pressure of the sweep that is made
     float* factors;              // (count, width), of the last hidden state
     float* hidden[2];            // (count, width); a layer reads one and writes the other
     float* told[2];              // (count, messages), the part of it that neighbours are told, side by side

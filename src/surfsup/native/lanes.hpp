@@ -168,41 +168,39 @@ inline Eight as_eight(Floats values) {
 #endif
 }
 
-// One number each from a list.
-inline Floats pick(const float* from, Ints index) {
-#if defined(__AVX512F__)
-    return (Floats)_mm512_i32gather_ps((__m512i)index, from, 4);
-#elif defined(__AVX2__)
-    return (Floats)_mm256_i32gather_ps(from, (__m256i)index, 4);
-#else
-    Floats values;
-    for (int lane = 0; lane < LANES; ++lane) values[lane] = from[index[lane]];
-    return values;
-#endif
-}
-
-// The first three numbers each of rows of ROW; each row has four at least from there.
+// The first four numbers each of rows of ROW.
 template <int ROW>
-inline void pick_three(const float* from, const int32_t* index, Floats& x, Floats& y, Floats& z) {
+inline void pick_four(const float* from, const int32_t* index, Floats& x, Floats& y, Floats& z, Floats& w) {
+#if defined(__AVX512F__) || defined(__AVX2__)
+    const auto row = [&](int lane) { return _mm_loadu_ps(from + ROW * static_cast<int64_t>(index[lane])); };
+#endif
 #if defined(__AVX512F__)
-    const Ints at = ROW * load_ints(index);
-    x = pick(from, at), y = pick(from + 1, at), z = pick(from + 2, at);
-#elif defined(__AVX2__)
-    const auto two = [&](int lane) {
-        const __m128 low = _mm_loadu_ps(from + ROW * static_cast<int64_t>(index[lane]));
-        const __m128 high = _mm_loadu_ps(from + ROW * static_cast<int64_t>(index[lane + 4]));
-        return _mm256_insertf128_ps(_mm256_castps128_ps256(low), high, 1);
+    const auto four = [&](int lane) {
+        __m512 rows = _mm512_castps128_ps512(row(lane));
+        rows = _mm512_mask_broadcast_f32x4(rows, 0x00F0, row(lane + 4));
+        rows = _mm512_mask_broadcast_f32x4(rows, 0x0F00, row(lane + 8));
+        return _mm512_mask_broadcast_f32x4(rows, 0xF000, row(lane + 12));
     };
+    const __m512 a = four(0), b = four(1), c = four(2), d = four(3);
+    const __m512 xy_ab = _mm512_unpacklo_ps(a, b), zw_ab = _mm512_unpackhi_ps(a, b);
+    const __m512 xy_cd = _mm512_unpacklo_ps(c, d), zw_cd = _mm512_unpackhi_ps(c, d);
+    x = (Floats)_mm512_shuffle_ps(xy_ab, xy_cd, 0x44);
+    y = (Floats)_mm512_shuffle_ps(xy_ab, xy_cd, 0xEE);
+    z = (Floats)_mm512_shuffle_ps(zw_ab, zw_cd, 0x44);
+    w = (Floats)_mm512_shuffle_ps(zw_ab, zw_cd, 0xEE);
+#elif defined(__AVX2__)
+    const auto two = [&](int lane) { return _mm256_insertf128_ps(_mm256_castps128_ps256(row(lane)), row(lane + 4), 1); };
     const __m256 a = two(0), b = two(1), c = two(2), d = two(3);
-    const __m256 xy_ab = _mm256_unpacklo_ps(a, b), z_ab = _mm256_unpackhi_ps(a, b);
-    const __m256 xy_cd = _mm256_unpacklo_ps(c, d), z_cd = _mm256_unpackhi_ps(c, d);
+    const __m256 xy_ab = _mm256_unpacklo_ps(a, b), zw_ab = _mm256_unpackhi_ps(a, b);
+    const __m256 xy_cd = _mm256_unpacklo_ps(c, d), zw_cd = _mm256_unpackhi_ps(c, d);
     x = (Floats)_mm256_shuffle_ps(xy_ab, xy_cd, 0x44);
     y = (Floats)_mm256_shuffle_ps(xy_ab, xy_cd, 0xEE);
-    z = (Floats)_mm256_shuffle_ps(z_ab, z_cd, 0x44);
+    z = (Floats)_mm256_shuffle_ps(zw_ab, zw_cd, 0x44);
+    w = (Floats)_mm256_shuffle_ps(zw_ab, zw_cd, 0xEE);
 #else
     for (int lane = 0; lane < LANES; ++lane) {
         const float* row = from + ROW * static_cast<int64_t>(index[lane]);
-        x[lane] = row[0], y[lane] = row[1], z[lane] = row[2];
+        x[lane] = row[0], y[lane] = row[1], z[lane] = row[2], w[lane] = row[3];
     }
 #endif
 }

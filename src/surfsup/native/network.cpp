@@ -106,7 +106,7 @@ int64_t Network::look(const Fluid& fluid, const Path& path, int threads, int64_t
     const int32_t* order = cells_.order();
     for (auto* sorted : {&x_, &y_, &z_}) sorted->resize(count + MULTIPLE);
     motion_.resize(static_cast<size_t>(MOTION) * (count + 1));
-    pressures_.resize(count + 1);
+    pushes_.resize(static_cast<size_t>(PUSH) * (count + 1));
     for (size_t i = 0; i < count; ++i) {
         const size_t caller = static_cast<size_t>(order[i]);
         x_[i] = halfway_[3 * caller];
@@ -122,7 +122,9 @@ int64_t Network::look(const Fluid& fluid, const Path& path, int threads, int64_t
     float* beyond = &motion_[static_cast<size_t>(MOTION) * count];
     std::fill_n(beyond, 4, FAR_AWAY);
     std::fill_n(beyond + 4, 4, 0.0f);
-    pressures_[count] = 0.0f;
+    float* push_beyond = &pushes_[static_cast<size_t>(PUSH) * count];
+    std::fill_n(push_beyond, 3, FAR_AWAY);
+    push_beyond[3] = 0.0f;
     edges_.resize(count);
     sweeps_.resize(count);
     const size_t with_room = count + static_cast<size_t>(path.rows);
@@ -151,7 +153,7 @@ int64_t Network::look(const Fluid& fluid, const Path& path, int threads, int64_t
     frame.edges = edges_.data();
     frame.acts = acts_.data(), frame.lie = lie_.data();
     frame.sweeps = sweeps_.data();
-    frame.motion = motion_.data(), frame.pressures = pressures_.data();
+    frame.motion = motion_.data(), frame.pushes = pushes_.data();
 
     const int most = std::max(1, threads);
     arenas_.resize(std::max(arenas_.size(), static_cast<size_t>(most)));

@@ -68,7 +68,7 @@ private:
     // Kept from step to step; a second caller waits.
     std::mutex stepping_;
     CellList cells_;
-    AlignedFloats halfway_, x_, y_, z_, motion_, pressures_, acts_, lie_, factors_, hidden_[2], told_[2];
+    AlignedFloats halfway_, x_, y_, z_, motion_, pushes_, acts_, lie_, factors_, hidden_[2], told_[2];
     std::vector<Edges> edges_;
     std::vector<Sweep> sweeps_;
     std::vector<Arena> arenas_;

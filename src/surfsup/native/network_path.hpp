@@ -2,7 +2,7 @@
 #pragma once
 
 #include "frame.hpp"
-#include "lanes.hpp"
+#include "kernels_path.hpp"
 
 namespace PATH {
 namespace {
@@ -62,10 +62,28 @@ inline void product(const float* a, int64_t a_row, int depth, const float* w, in
 
 constexpr int GATHERED = 2;  // vectors of channels that are summed together: a kernel is spread over a vector once for both
 
-// Sums over neighbours of VECTORS vectors of what they tell, for every kernel apart, `row` floats from one neighbour,
-// and from one kernel, to the next.
+constexpr int32_t TAKEN = 64;  // edges whose kernels are made in one go: their sums and what they take do not fit the registers
+
+// The kernels of a sorted particle's edges from `first` on, up to `end`, each kernel's side by side.
+inline void kernels_of(const Frame& frame, int32_t i, int32_t first, int32_t end, float (&kernels)[KERNELS][TAKEN]) {
+    const float shrink = 1.0f / frame.constants.radius, *place = frame.motion + MOTION * static_cast<int64_t>(i);
+    for (int32_t e = first; e < end; e += LANES) {
+        Floats x, y, z, nought;
+        pick_four<MOTION>(frame.motion, frame.edges[i].senders + e, x, y, z, nought);
+        x = (x - place[0]) * shrink, y = (y - place[1]) * shrink, z = (z - place[2]) * shrink;
+        const Kernels here = kernels_at(x, y, z);
+        store(kernels[0] + (e - first), here.window);
+        store(kernels[1] + (e - first), here.along * x);
+        store(kernels[2] + (e - first), here.along * y);
+        store(kernels[3] + (e - first), here.along * z);
+    }
+}
+
+// Sums over the neighbours of sorted particle i of VECTORS vectors of what they tell, for every kernel apart, `row` floats from
+// one neighbour, and from one kernel, to the next.
 template <int VECTORS>
-inline void gather(const Edges& edges, const float* told, int row, float* to) {
+inline void gather(const Frame& frame, int32_t i, const float* told, int row, float* to) {
+    const Edges& edges = frame.edges[i];
     // Some neighbours at a time, each to sums of its own: four sums alone would wait for each other's additions.
     Floats sums[AT_ONCE][KERNELS][VECTORS];
 #pragma GCC unroll 2
@@ -75,28 +93,28 @@ inline void gather(const Edges& edges, const float* told, int row, float* to) {
 #pragma GCC unroll 2
             for (int v = 0; v < VECTORS; ++v) sums[s][m][v] = Floats{};
     const int32_t count = edges.count;
-    for (int32_t first = 0; first < count; first += LANES) {
-        const float *slopes = edges.slopes + 3 * first, *windows = edges.windows + first;
+    for (int32_t first = 0; first < count; first += TAKEN) {
         const int32_t* senders = edges.senders + first;
-        const auto add = [&](int lane, Floats(&to_these)[KERNELS][VECTORS]) {
-            const float* from = told + static_cast<int64_t>(senders[lane]) * row;
-            const float* kernels[KERNELS] = {windows + lane, slopes + lane, slopes + LANES + lane, slopes + 2 * LANES + lane};
+        const int here = count - first < TAKEN ? count - first : TAKEN;
+        float kernels[KERNELS][TAKEN];
+        kernels_of(frame, i, first, first + here, kernels);
+        const auto add = [&](int edge, Floats(&to_these)[KERNELS][VECTORS]) {
+            const float* from = told + static_cast<int64_t>(senders[edge]) * row;
             Floats values[VECTORS];
 #pragma GCC unroll 2
             for (int v = 0; v < VECTORS; ++v) values[v] = load(from + v * LANES);
 #pragma GCC unroll 4
             for (int m = 0; m < KERNELS; ++m) {
-                const Floats weight = splat(*kernels[m]);
+                const Floats weight = splat(kernels[m][edge]);
 #pragma GCC unroll 2
                 for (int v = 0; v < VECTORS; ++v) to_these[m][v] += weight * values[v];
             }
         };
-        const int here = count - first < LANES ? count - first : LANES;
-        int lane = 0;
-        for (; lane + AT_ONCE <= here; lane += AT_ONCE)
+        int edge = 0;
+        for (; edge + AT_ONCE <= here; edge += AT_ONCE)
 #pragma GCC unroll 2
-            for (int s = 0; s < AT_ONCE; ++s) add(lane + s, sums[s]);
-        if (lane < here) add(lane, sums[0]);
+            for (int s = 0; s < AT_ONCE; ++s) add(edge + s, sums[s]);
+        if (edge < here) add(edge, sums[0]);
     }
 #pragma GCC unroll 4
     for (int m = 0; m < KERNELS; ++m)
@@ -109,7 +127,7 @@ inline void gather(const Edges& edges, const float* told, int row, float* to) {
         }
 }
 
-// How many particles before its turn what a particle needs is fetched: first its neighbours and their kernels, then what
+// How many particles before its turn what a particle needs is fetched: first which its neighbours are, then what
 // these say. Its addresses are known too late for the processor to do that by itself.
 constexpr int32_t EDGES_AHEAD = 3, HIDDEN_AHEAD = 1;
 constexpr int64_t FETCHED = 64;         // bytes
@@ -125,7 +143,7 @@ ALWAYS_INLINE void fetch(const void* from, int64_t bytes) {
 ALWAYS_INLINE void fetch_ahead(const Frame& frame, int32_t i, const float* told, int messages) {
     if (i + EDGES_AHEAD < frame.count) {
         const Edges& edges = frame.edges[i + EDGES_AHEAD];
-        fetch(edges.senders, 4 * (1 + KERNELS) * static_cast<int64_t>(edges.filled));  // and behind them the kernels
+        fetch(edges.senders, 4 * static_cast<int64_t>(edges.filled));
     }
     if (i + HIDDEN_AHEAD < frame.count) {
         const Edges& edges = frame.edges[i + HIDDEN_AHEAD];
@@ -182,7 +200,7 @@ void decode(const Frame& frame, int32_t block, int here, const float* hidden, fl
     });
     for (int row = 0; row < here; ++row) {
         const float share = out[row * OUTPUT_ROOM], rise = frame.acts[static_cast<int64_t>(block + row) * ACTIONS + RISE];
-        frame.pressures[block + row] = share < 0.0f || rise < 0.0f ? 0.0f : frame.constants.pressure_scale * share * rise;
+        frame.pushes[PUSH * static_cast<int64_t>(block + row) + 3] = share < 0.0f || rise < 0.0f ? 0.0f : frame.constants.pressure_scale * share * rise;
     }
 }
 
@@ -198,13 +216,12 @@ void layer(const Frame& frame, int number, int32_t begin, int32_t end, float* sc
     for (int32_t block = begin; block < end; block += ROWS) {
         const int here = end - block < ROWS ? end - block : ROWS;
         for (int row = 0; row < here; ++row) {
-            const Edges& edges = frame.edges[block + row];
             float* to = sums + static_cast<int64_t>(row) * depth;
             if (fetches) fetch_ahead(frame, block + row, told, messages);
             int column = 0;
             for (; column + GATHERED * LANES <= messages; column += GATHERED * LANES)
-                gather<GATHERED>(edges, told + column, messages, to + column);
-            for (; column < messages; column += LANES) gather<1>(edges, told + column, messages, to + column);
+                gather<GATHERED>(frame, block + row, told + column, messages, to + column);
+            for (; column < messages; column += LANES) gather<1>(frame, block + row, told + column, messages, to + column);
             std::memcpy(to + KERNELS * messages, hidden + static_cast<int64_t>(block + row) * width, 4 * static_cast<size_t>(width));
         }
         product(sums, depth, depth, mix, width, [&](int row, int column, Floats sum) {

@@ -114,12 +114,12 @@ inline bool find_within(const Frame& frame, int32_t i, int row, Search& search, 
 inline bool keep_edges(const Frame& frame, int32_t i, int row, const Search& search, Arena& arena) {
     const int32_t* within = search.within[row];
     const int64_t count = search.found[row], filled = (count + LANES - 1) / LANES * LANES;
-    auto* memory = static_cast<float*>(take(arena, 4 * (1 + 1 + 3) * filled + 4));
+    auto* memory = static_cast<float*>(take(arena, 4 * (1 + 1) * filled + 4));
     if (!memory) return false;
     auto* senders = reinterpret_cast<int32_t*>(memory);
     std::memcpy(senders, within, 4 * static_cast<size_t>(count));
     for (int64_t e = count; e < filled; ++e) senders[e] = frame.count;
-    frame.edges[i] = {senders, memory + 2 * filled, memory + filled, static_cast<int32_t>(count), static_cast<int32_t>(filled)};
+    frame.edges[i] = {senders, memory + filled, static_cast<int32_t>(count), static_cast<int32_t>(filled)};
     return true;
 }
 

@@ -2,7 +2,7 @@
 #pragma once
 
 #include "frame.hpp"
-#include "lanes.hpp"
+#include "kernels_path.hpp"
 #include "solid_map_path.hpp"
 
 namespace PATH {
@@ -105,8 +105,7 @@ struct Sums {
     float window, slope[3], squares, parting, drag[3], against[3];
 };
 
-// Sums over the neighbours of sorted particle i, whose kernels it leaves behind; with what only the network asks for, or
-// without it.
+// Sums over the neighbours of sorted particle i; with what only the network asks for, or without it.
 template <bool FOR_NETWORK>
 inline Sums sum_neighbours(const Frame& frame, int32_t i) {
     const Constants& c = frame.constants;
@@ -116,32 +115,21 @@ inline Sums sum_neighbours(const Frame& frame, int32_t i) {
     Floats window{}, slope_x{}, slope_y{}, slope_z{}, squares{}, parting{}, drag_x{}, drag_y{}, drag_z{};
     Floats against_x{}, against_y{}, against_z{};
     for (int32_t e = 0; e < edges.filled; e += LANES) {
-        Floats x, y, z, vx, vy, vz;
-        pick_three<MOTION>(frame.motion, edges.senders + e, x, y, z);
-        pick_three<MOTION>(frame.motion + 4, edges.senders + e, vx, vy, vz);
+        Floats x, y, z, vx, vy, vz, nought;
+        pick_four<MOTION>(frame.motion, edges.senders + e, x, y, z, nought);
+        pick_four<MOTION>(frame.motion + 4, edges.senders + e, vx, vy, vz, nought);
         x = (x - place[0]) * shrink, y = (y - place[1]) * shrink, z = (z - place[2]) * shrink;
         vx -= speed[0], vy -= speed[1], vz -= speed[2];
-        // The kernels of convolution.py.
-        const Floats square = x * x + y * y + z * z, inverse = reciprocal_root(at_least(square, 1e-12f)), distance = square * inverse;
-        const Floats whole = at_least(1.0f - distance, 0.0f), inner = at_least(0.5f - distance, 0.0f);
-        const Floats of_whole = whole * whole, of_inner = 4.0f * inner * inner;
-        const Floats fall = of_whole - of_inner, along = 3.0f * fall * inverse;
-        const Floats fx = along * x, fy = along * y, fz = along * z;
-        const Floats kernel = 2.0f * (of_whole * whole - of_inner * inner);
-        float* slopes = edges.slopes + 3 * e;
-        store(slopes, fx);
-        store(slopes + LANES, fy);
-        store(slopes + 2 * LANES, fz);
-        window += kernel;
-        slope_x += fx, slope_y += fy, slope_z += fz;
-        squares += 9.0f * fall * fall;
-        const Floats nearing = fx * vx + fy * vy + fz * vz, viscous = nearing * reciprocal(square + c.softened);
+        const Kernels kernels = kernels_at(x, y, z);
+        store(edges.along + e, kernels.along);
+        window += kernels.window;
+        slope_x += kernels.along * x, slope_y += kernels.along * y, slope_z += kernels.along * z;
+        squares += kernels.steep * kernels.steep;
+        const Floats nearing = kernels.along * (x * vx + y * vy + z * vz);
+        const Floats viscous = nearing * reciprocal(kernels.square + c.softened);
         parting += nearing;
         drag_x += viscous * x, drag_y += viscous * y, drag_z += viscous * z;
-        if constexpr (FOR_NETWORK) {
-            store(edges.windows + e, kernel);
-            against_x += kernel * vx, against_y += kernel * vy, against_z += kernel * vz;
-        }
+        if constexpr (FOR_NETWORK) against_x += kernels.window * vx, against_y += kernels.window * vy, against_z += kernels.window * vz;
     }
     float of[8];
     sum_each({as_eight(window), as_eight(slope_x), as_eight(slope_y), as_eight(slope_z), as_eight(squares), as_eight(parting),
@@ -198,7 +186,9 @@ inline void approach_in(const Frame& frame, int step, int32_t begin, int32_t end
         const float above = density - sweep.allowed, too_dense = above > c.most_dense ? c.most_dense : above;
         const float against_rise = c.of_rise * at_least_none(rise), by_gravity = step_time * dot(slope_of_solids, frame.gravity);
         const float excess = too_dense / step_time + fast(rise - against_rise, c.slow) + by_gravity;
-        frame.pressures[i] = ease * (against_rise + c.of_excess * at_least_none(excess));
+        float* push = frame.pushes + PUSH * static_cast<int64_t>(i);
+        std::memcpy(push, place, 3 * sizeof(float));
+        push[3] = ease * (against_rise + c.of_excess * at_least_none(excess));
         if constexpr (LAST) tell(frame, i, sums, of_solid, slope_of_solids, too_dense, rise);
     }
 }
@@ -210,16 +200,16 @@ void approach(const Frame& frame, int step, int32_t begin, int32_t end) {
 // The speed that pressures take from a particle, its own and its neighbours'.
 inline void pushed(const Frame& frame, int32_t i, float* taken) {
     const Edges& edges = frame.edges[i];
-    Floats x{}, y{}, z{};
+    const float *push = frame.pushes + PUSH * static_cast<int64_t>(i);
+    Floats sum_x{}, sum_y{}, sum_z{};
     for (int32_t e = 0; e < edges.filled; e += LANES) {
-        const Floats pressure = pick(frame.pressures, load_ints(edges.senders + e));
-        const float* slopes = edges.slopes + 3 * e;
-        x += pressure * load(slopes);
-        y += pressure * load(slopes + LANES);
-        z += pressure * load(slopes + 2 * LANES);
+        Floats x, y, z, pressure;
+        pick_four<PUSH>(frame.pushes, edges.senders + e, x, y, z, pressure);
+        pressure *= load(edges.along + e);
+        sum_x += pressure * (x - push[0]), sum_y += pressure * (y - push[1]), sum_z += pressure * (z - push[2]);
     }
-    const float scale = frame.constants.density_slope(), own = frame.pressures[i], sums[3] = {sum(x), sum(y), sum(z)};
-    for (int axis = 0; axis < 3; ++axis) taken[axis] = own * frame.sweeps[i].slope[axis] + scale * sums[axis];
+    const float scale = frame.constants.density_slope() / frame.constants.radius, sums[3] = {sum(sum_x), sum(sum_y), sum(sum_z)};
+    for (int axis = 0; axis < 3; ++axis) taken[axis] = push[3] * frame.sweeps[i].slope[axis] + scale * sums[axis];
 }
 
 // What pressures and viscosity do to a particle's speed, and where the next step finds it.
