@@ -28,6 +28,13 @@ def test_it_equals_brute_force(seed):
     assert torch.equal(torch.stack(pairs_by_cells(positions, 0.2), dim=1), expected)
 
 
+@pytest.mark.parametrize("at_once", [1, 7, 79, 80, 81])
+def test_how_many_are_looked_at_at_once_changes_nothing(at_once):
+    positions = torch.rand(80, 3, generator=torch.Generator().manual_seed(0))
+    for found, expected in zip(pairs_by_cells(positions, 0.2, at_once), pairs_by_cells(positions, 0.2), strict=True):
+        assert torch.equal(found, expected)
+
+
 @pytest.mark.parametrize("radius", [0.0299, 0.031, 0.045, 0.061])
 def test_on_the_solver_s_lattice(radius):
     assert_same(torch.from_numpy(Block(min=(0, 0, 0), max=(0.24, 0.24, 0.24)).positions()), radius)

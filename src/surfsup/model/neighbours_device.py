@@ -11,34 +11,58 @@ from torch import Tensor
 from surfsup.errors import SimulationError
 
 FARTHEST_CELL = 2**19  # cells from the middle; what has flown farther shares the last one
+# Particles for whom what may be near is held at once: some 200 each in water, about a hundred bytes for each of these.
+AT_ONCE = 2**18
 
 
-def pairs_by_cells(positions: Tensor, radius: float) -> tuple[Tensor, Tensor]:
+def pairs_by_cells(positions: Tensor, radius: float, at_once: int = AT_ONCE) -> tuple[Tensor, Tensor]:
     """Receivers (E,) and senders (E,) of all ordered pairs of ``positions`` (N, 3) nearer than ``radius``.
 
-    Ordered by receiver, then by sender. The host waits twice: for the number of candidates and for that of pairs.
+    Ordered by receiver, then by sender. The host waits once, and twice for every ``at_once`` particles: for the number
+    of candidates and for that of pairs.
 
     Raises:
         SimulationError: a position is not finite.
     """
     places = positions.detach().double()  # as in the search on the CPU: a tie must not fall the other way
+    if not bool(places.isfinite().all()):
+        raise SimulationError("the simulation blew up: a particle's position is not a finite number")
     middle = places.median(dim=0).values
     cells = ((places - middle) / radius).floor().clamp(-FARTHEST_CELL, FARTHEST_CELL).long() + FARTHEST_CELL + 1
     side = 2 * FARTHEST_CELL + 3
     keys, by_cell = ((cells[:, 0] * side + cells[:, 1]) * side + cells[:, 2]).sort()
+    sorted_places = places[by_cell]
+    found = [
+        pairs_of(
+            torch.arange(first, min(first + at_once, len(keys)), device=keys.device), keys, side, sorted_places, radius
+        )
+        for first in range(0, len(keys), at_once)
+    ]
+    receivers, senders = (by_cell[torch.cat(part)] for part in zip(*found, strict=True))
+    pairs = (receivers * len(places) + senders).sort().values
+    return pairs // len(places), pairs % len(places)
+
+
+def pairs_of(some: Tensor, keys: Tensor, side: int, places: Tensor, radius: float) -> tuple[Tensor, Tensor]:
+    """Receivers and senders of all pairs of which ``some`` particles are the receivers, in no order.
+
+    Args:
+        some: which, as all are counted here: by their cells.
+        keys: (N,) of the particles' cells, ascending.
+        side: from a cell's key to that of the next one along y.
+        places: (N, 3) of the particles, metres.
+        radius: metres.
+    """
     # Three cells in a row along z have keys in a row, so nine ranges hold all that can be near.
     around = torch.arange(-1, 2, device=keys.device)
-    rows = keys[:, None] + ((around[:, None] * side + around) * side).flatten()
+    rows = keys[some][:, None] + ((around[:, None] * side + around) * side).flatten()
     first = torch.searchsorted(keys, rows - 1)
-    count = torch.searchsorted(keys, rows + 1, right=True) - first
-    total = torch.where(places.isfinite().all(), count.sum(), -1).item()
-    if total < 0:
-        raise SimulationError("the simulation blew up: a particle's position is not a finite number")
-    ranges = torch.repeat_interleave(count.flatten(), output_size=total)
-    before = count.flatten().cumsum(0) - count.flatten()
-    sender = first.flatten()[ranges] + torch.arange(total, device=keys.device) - before[ranges]
-    receiver = ranges // rows.shape[1]
-    receivers, senders = by_cell[receiver], by_cell[sender]
+    count = (torch.searchsorted(keys, rows + 1, right=True) - first).flatten()
+    total = int(count.sum())
+    ranges = torch.repeat_interleave(count, output_size=total)
+    before = count.cumsum(0) - count
+    senders = first.flatten()[ranges] + torch.arange(total, device=keys.device) - before[ranges]
+    receivers = some[ranges // rows.shape[1]]
     near = (places[receivers] - places[senders]).square().sum(dim=-1) <= radius**2
-    pairs = (receivers * len(places) + senders)[near & (receivers != senders)].sort().values
-    return pairs // len(places), pairs % len(places)
+    at = (near & (receivers != senders)).nonzero()[:, 0]
+    return receivers[at], senders[at]
