@@ -1,8 +1,10 @@
 """Milliseconds a frame of 5 ms: the shipped model, native and in torch, against SPlisHSPlasH, same scene, same cores.
 
     python benchmarks/against_solver.py [--particles 3000 50000] [--threads 1 2] [--frames 200] [--no-torch]
+                                        [--surface ball knot coral chair]
 
-A block of water falls on a ball; every run is a process of its own, one after the other. Ours counts everything:
+A block of water falls on a ball, or on a mesh or a neural surface as high; every run is a process of its own, one after
+the other. Ours counts everything:
 neighbours, network, distances, guard, and writing the trajectory. The solver's bare steps count, nothing read from it
 or written: with its fixed step of 1 ms (five a frame, the paper's setting) and with its own adaptive step by the CFL
 condition (its defaults). Set-up is left out on both sides, that is all up to the end of the first frame. ms is
@@ -13,6 +15,7 @@ it takes some five minutes for each number of threads, most of it in torch (`--n
 from __future__ import annotations
 
 import argparse
+import itertools
 import json
 import os
 import subprocess
@@ -30,19 +33,28 @@ from surfsup.scene import FRAME_TIME, Scene
 Timing = tuple[float, float]  # wall-clock and processor milliseconds a frame
 CFL = 1  # SPlisHSPlasH's adaptive step
 SPACING, LAYERS = 0.03, 14
+RADIUS = 0.3  # metres of the ball
+EXTENT = 2 * RADIUS
+MESH = Path(__file__).parent.parent / "examples" / "knot.obj"
+SURFACES: dict[str, dict[str, Any]] = {
+    "ball": {"sphere": {"radius": RADIUS}, "at": [0, 0, RADIUS]},
+    "knot": {"mesh": {"file": str(MESH), "fit": EXTENT}},
+    "coral": {"siren": {"file": "coral", "fit": EXTENT}},
+    "chair": {"deepsdf": {"file": "chairs", "shape": "chair-0100", "fit": EXTENT}, "at": [0, 0, RADIUS]},
+}
 
 
-def scene_of(particles: int, frames: int) -> Scene:
-    """A block of about so many particles, as high as those of the training scenes, above a ball; more make it wider."""
+def scene_of(particles: int, frames: int, surface: str = "ball") -> Scene:
+    """A block of about so many particles, as high as those of the training scenes, above a solid; more: it is wider."""
     side = SPACING * (round((particles / LAYERS) ** 0.5) + 1) + 1e-4
-    height, radius = SPACING * (LAYERS + 1) + 1e-4, 0.3
-    width, bottom = max(1.0, 1.5 * side), 2 * radius + 0.05
+    height = SPACING * (LAYERS + 1) + 1e-4
+    width, bottom = max(1.0, 1.5 * side), EXTENT + 0.05
     block = {"min": [-side / 2, -side / 2, bottom], "max": [side / 2, side / 2, bottom + height]}
     return Scene.from_yaml(
         json.dumps(
             {
                 "container": {"size": [width, width, 2.0]},
-                "surface": {"sphere": {"radius": radius}, "at": [0, 0, radius]},
+                "surface": SURFACES[surface],
                 "fluid": [{"block": block}],
                 "frames": frames,
             }
@@ -183,6 +195,7 @@ def main() -> None:
     parser.add_argument("--particles", type=int, nargs="+", default=[3000, 50000])
     parser.add_argument("--threads", type=int, nargs="+", default=[1, 2])
     parser.add_argument("--frames", type=int, default=200, help="the first 20 are a fall, the easiest for the solver")
+    parser.add_argument("--surface", choices=SURFACES, nargs="+", default=["ball"])
     parser.add_argument("--model", default=None)
     parser.add_argument(
         "--torch", action=argparse.BooleanOptionalAction, default=True, help="also without the native step"
@@ -193,18 +206,22 @@ def main() -> None:
         name, path, result = arguments.run
         Path(result).write_text(json.dumps(RUNS[name](Scene.load(Path(path)), arguments.model)))
         return
-    for particles in arguments.particles:
-        scene = scene_of(particles, arguments.frames)
-        count = len(scene.start(scene.build_surface()).positions)
-        print(f"{count} particles, {arguments.frames} frames; ms a frame, wall clock (cpu)")
-        for threads in arguments.threads:
-            names = COMPARED + ((TORCH,) if arguments.torch else ())
-            told = {name: in_its_own_process(name, scene, threads, arguments.model) for name in names}
-            print(f"  {threads} threads: " + ", ".join(f"{name} {t[0]:.2f} ({t[1]:.2f})" for name, t in told.items()))
-            fixed, adaptive, native = (told[name][0] for name in COMPARED)
-            print(f"    native is {fixed / native:.2f} times as fast as the fixed step, {adaptive / native:.2f} as CFL")
-        for name, milliseconds in in_its_own_process("profile", scene, 1, arguments.model).items():
-            print(f"    {milliseconds:8.3f} ms  {name}", flush=True)
+    for name, particles in itertools.product(arguments.surface, arguments.particles):
+        compare(scene_of(particles, arguments.frames, name), name, arguments)
+
+
+def compare(scene: Scene, surface: str, arguments: argparse.Namespace) -> None:
+    """One scene's table and ratios."""
+    count = len(scene.start(scene.build_surface()).positions)
+    print(f"{surface}, {count} particles, {arguments.frames} frames; ms a frame, wall clock (cpu)")
+    for threads in arguments.threads:
+        names = COMPARED + ((TORCH,) if arguments.torch else ())
+        told = {name: in_its_own_process(name, scene, threads, arguments.model) for name in names}
+        print(f"  {threads} threads: " + ", ".join(f"{name} {t[0]:.2f} ({t[1]:.2f})" for name, t in told.items()))
+        fixed, adaptive, native = (told[name][0] for name in COMPARED)
+        print(f"    native is {fixed / native:.2f} times as fast as the fixed step, {adaptive / native:.2f} as CFL")
+    for name, milliseconds in in_its_own_process("profile", scene, 1, arguments.model).items():
+        print(f"    {milliseconds:8.3f} ms  {name}", flush=True)
 
 
 if __name__ == "__main__":
