@@ -25,7 +25,7 @@ import torch
 from torch import Tensor
 
 sys.path.insert(0, str(Path(__file__).parent))
-from at_rest import scene_of
+from at_rest import root_mean_square_speed, scene_of
 from surfsup.datasets import windows as windows_module
 from surfsup.datasets.windows import Windows
 from surfsup.model import weights
@@ -175,7 +175,7 @@ def speed_at_rest(model: Path) -> float:
     scene = scene_of(0.6, 0.3, REST + 1)
     frames = simulate(weights.load(model)[0], scene, None, scene.start(None), "cpu")
     _, velocities = next(islice(frames, REST, None))
-    return 1000 * float(np.sqrt((velocities**2).sum(axis=1).mean()))
+    return root_mean_square_speed(velocities)
 
 
 def main() -> None:

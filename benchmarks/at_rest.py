@@ -37,14 +37,19 @@ def scene_of(side: float, depth: float, frames: int) -> Scene:
     return Scene.from_yaml(json.dumps(told), "the benchmark's scene", Path())
 
 
+def root_mean_square_speed(velocities: np.ndarray) -> float:
+    """In mm/s, of particles (N, 3) in m/s."""
+    return 1000 * float(np.sqrt((velocities**2).sum(axis=1).mean()))
+
+
 def tell(name: str, frames: Frames, last: int) -> None:
     """One line for each of the chosen frames."""
     for number, (positions, velocities) in enumerate(frames):
         if number in TOLD or number == last:
-            speed = float(np.sqrt((velocities**2).sum(axis=1).mean()))
+            speed = root_mean_square_speed(velocities)
             density = number_density(positions.T.astype(np.float64)).max()
             print(
-                f"{name}, frame {number}: {1000 * positions[:, 2].mean():.2f} mm high, {1000 * speed:.2f} mm/s, "
+                f"{name}, frame {number}: {1000 * positions[:, 2].mean():.2f} mm high, {speed:.2f} mm/s, "
                 f"density {density:.3f} at most",
                 flush=True,
             )

@@ -1,17 +1,19 @@
 """Time and memory against the number of particles: the default model, native, and SPlisHSPlasH with its fixed step.
 
     python benchmarks/growth.py [--particles 3000 ... 1000000] [--solver 3000 ...] [--threads 2] [--frames 10]
-                                [--figure docs/images/growth.png] [--long 10000]
+                                [--rounds 3] [--figure docs/images/growth.png] [--long 10000]
 
 The scene is that of against_solver.py: a block of 14 layers, as wide as it takes, above a ball. Every case is a process
-of its own; ours counts everything, writing included, and its peak memory, the solver's bare steps count. With --long a
-rollout of so many frames of 3,000 particles tells whether memory stays constant.
+of its own, and all come turn by turn, so many rounds, of which each case's best counts: other guests of a host are felt.
+Ours counts everything, writing included, and its peak memory, the solver's bare steps count. With --long a rollout of so
+many frames of 3,000 particles tells whether memory stays constant.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+import math
 import os
 import resource
 import subprocess
@@ -78,6 +80,7 @@ def main() -> None:
     parser.add_argument("--solver", type=int, nargs="*", default=SOLVER)
     parser.add_argument("--threads", type=int, default=2)
     parser.add_argument("--frames", type=int, default=10)
+    parser.add_argument("--rounds", type=int, default=3)
     parser.add_argument("--long", type=int, nargs="*", default=[], help="frames of rollouts of 3,000 particles")
     parser.add_argument("--figure", type=Path, default=None)
     parser.add_argument("--run", nargs=4, metavar=("KIND", "PARTICLES", "FRAMES", "RESULT"), help=argparse.SUPPRESS)
@@ -86,19 +89,23 @@ def main() -> None:
         kind, particles, frames, result = arguments.run
         Path(result).write_text(json.dumps(run(kind, int(particles), int(frames))))
         return
-    cases: dict[str, list[dict[str, float]]] = {"ours": [], "solver": []}
     plan = [("ours", count, arguments.frames) for count in arguments.particles]
     plan += [("solver", count, FRAME_OF_SOLVER + 2) for count in arguments.solver]
-    for kind, particles, frames in plan:
-        told = in_its_own_process(kind, particles, frames, arguments.threads)
-        if told is not None:
-            cases[kind].append(told)
-            each = 1000 * told["ms"] / told["particles"]
-            print(
-                f"{kind}: {told['particles']:.0f} particles, {told['ms']:.1f} ms a frame, {each:.2f} µs a particle, "
-                f"{told['memory']:.2f} GB at most",
-                flush=True,
-            )
+    best: dict[tuple[str, int], dict[str, float]] = {}
+    for _ in range(arguments.rounds):
+        for kind, particles, frames in plan:
+            told = in_its_own_process(kind, particles, frames, arguments.threads)
+            if told is not None and told["ms"] < best.get((kind, particles), {"ms": math.inf})["ms"]:
+                best[kind, particles] = told
+    cases: dict[str, list[dict[str, float]]] = {"ours": [], "solver": []}
+    for (kind, _), told in best.items():
+        cases[kind].append(told)
+        each = 1000 * told["ms"] / told["particles"]
+        print(
+            f"{kind}: {told['particles']:.0f} particles, {told['ms']:.1f} ms a frame, {each:.2f} µs a particle, "
+            f"{told['memory']:.2f} GB at most",
+            flush=True,
+        )
     for frames in arguments.long:
         told = in_its_own_process("ours", 3_000, frames, arguments.threads)
         if told is not None:
