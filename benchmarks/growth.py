@@ -4,9 +4,9 @@
                                 [--rounds 3] [--figure docs/images/growth.png] [--long 10000]
 
 The scene is that of against_solver.py: a block of 14 layers, as wide as it takes, above a ball. Every case is a process
-of its own, and all come turn by turn, so many rounds, of which each case's best counts: other guests of a host are felt.
-Ours counts everything, writing included, and its peak memory, the solver's bare steps count. With --long a rollout of so
-many frames of 3,000 particles tells whether memory stays constant.
+of its own, all take turns for so many rounds, and of each the best counts: other guests of a host are felt. Ours counts
+everything, writing included, and its peak memory, the solver's bare steps count. With --long a rollout of as many
+frames of 3,000 particles tells whether memory stays constant.
 """
 
 from __future__ import annotations
