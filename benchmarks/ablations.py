@@ -12,10 +12,11 @@ from __future__ import annotations
 
 import argparse
 import csv
+import json
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import islice
 from pathlib import Path
 from unittest.mock import patch
@@ -41,9 +42,7 @@ SWEEPS, SOLIDS, VELOCITIES, DENSITY = (
     slice(12, 14),
 )  # columns of what acts on a particle
 DIRECTIONS = (1, 2, 3)  # kernels of a layer
-SINGLE = "{until: 0.35, noise: 1.0e-4, calm: 0.3}"
-PUSHED = "until: 1, unseen: 6, noise: 1.0e-4, calm: 1.0"
-PHASES = f"phases=[{SINGLE}, {{{PUSHED}}}]"
+FIRST, LAST = 0, 1  # phases of the preset: single frames, then push-forward
 
 REST = 800  # frames
 
@@ -99,15 +98,22 @@ class Variant:
 
     Attributes:
         overrides: of the configuration.
+        phases: what is changed in each of the preset's phases, by its number.
         left_out: which weights are held at zero.
         scenes: how many are trained on; None: all.
         turned: whether windows are turned and mirrored.
     """
 
     overrides: tuple[str, ...] = ()
+    phases: Mapping[int, Mapping[str, float]] = field(default_factory=dict)
     left_out: Callable[[ConvolutionNetwork], Iterator[Part]] = nothing
     scenes: int | None = None
     turned: bool = True
+
+
+def in_phases(**changes: float) -> Variant:
+    """The same change in both phases."""
+    return Variant(phases={FIRST: changes, LAST: changes})
 
 
 VARIANTS = {
@@ -130,12 +136,13 @@ VARIANTS = {
     "3-layers": Variant(("layers=3",)),
     "32-channels": Variant(("width=32", "messages=32")),
     "48-channels": Variant(("width=48", "messages=16")),
-    "no-noise": Variant((PHASES.replace("1.0e-4", "0"),)),
-    "noise-1e-3": Variant((PHASES.replace("1.0e-4", "1.0e-3"),)),
-    "single-frames": Variant((f"phases=[{SINGLE.replace('0.35', '1')}]",)),
-    "loss-of-two": Variant((PHASES.replace("unseen: 6", "unseen: 6, unroll: 2"),)),
-    "loss-of-four": Variant((PHASES.replace("unseen: 6", "unseen: 6, unroll: 4"),)),
-    "no-calm-term": Variant((PHASES.replace("calm: 0.3", "calm: 0").replace("calm: 1.0", "calm: 0"),)),
+    "no-noise": in_phases(noise=0),
+    "noise-1e-3": in_phases(noise=1e-3),
+    "single-frames": Variant(phases={LAST: {"unseen": 0}}),
+    "loss-of-two": Variant(phases={LAST: {"unroll": 2}}),
+    "loss-of-four": Variant(phases={LAST: {"unroll": 4}}),
+    "no-calm-term": in_phases(calm=0),
+    "no-starts": in_phases(starts=0),
 }
 
 
@@ -155,8 +162,11 @@ def hold(run: Run, weight: Tensor, which: object) -> None:
 
 def run_variant(variant: Variant, data: Path, validation: Path, folder: Path, steps: int) -> None:
     """Train it from scratch and judge it once, at the end."""
-    common = [f"steps={steps}", f"judge_every={steps}", "judge_scenes=6", "judge_frames=300", PHASES]
-    config = load_config("fast", [*common, "stop=null", *variant.overrides])
+    common = [f"steps={steps}", f"judge_every={steps}", "judge_scenes=6", "judge_frames=300", "stop=null"]
+    phases = [phase.model_dump() for phase in load_config("fast").phases]
+    for number, changes in variant.phases.items():
+        phases[number].update(changes)
+    config = load_config("fast", [*common, f"phases={json.dumps(phases)}", *variant.overrides])
     with ExitStack() as stack:
         if not variant.turned:
             stack.enter_context(patch.object(windows_module, "symmetry", lambda random: torch.eye(3)))

@@ -24,21 +24,20 @@ from pathlib import Path
 from against_solver import ours, scene_of, solver
 
 OURS, SOLVER = (3_000, 10_000, 30_000, 100_000, 300_000, 1_000_000), (3_000, 10_000, 30_000, 100_000)
-FRAME_OF_SOLVER = 4  # it is slow where it is large: so many are timed
+FRAMES_OF_SOLVER = 4  # it is slow where it is large: so many are timed
 
 
 def peak() -> float:
     """The most memory that this process had, GB."""
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024**2
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 / 1e9
 
 
 def run(kind: str, particles: int, frames: int) -> dict[str, float]:
     """Particles, milliseconds a frame by the clock, and peak memory in GB, in this process."""
     scene = scene_of(particles, frames)
     count = len(scene.start(scene.build_surface()).positions)
-    before = peak()
     timing = ours(scene, None, native=True) if kind == "ours" else solver(scene, adaptive=False)
-    return {"particles": count, "ms": timing[0], "memory": peak(), "before": before}
+    return {"particles": count, "ms": timing[0], "memory": peak()}
 
 
 def in_its_own_process(kind: str, particles: int, frames: int, threads: int) -> dict[str, float] | None:
@@ -90,7 +89,7 @@ def main() -> None:
         Path(result).write_text(json.dumps(run(kind, int(particles), int(frames))))
         return
     plan = [("ours", count, arguments.frames) for count in arguments.particles]
-    plan += [("solver", count, FRAME_OF_SOLVER + 2) for count in arguments.solver]
+    plan += [("solver", count, FRAMES_OF_SOLVER + 2) for count in arguments.solver]
     best: dict[tuple[str, int], dict[str, float]] = {}
     for _ in range(arguments.rounds):
         for kind, particles, frames in plan:

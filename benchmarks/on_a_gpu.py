@@ -5,13 +5,14 @@
 First 50 frames of 3,000 particles beside the CPU's native ones. Then, for every size, the scene of against_solver.py:
 milliseconds a frame (everything counts, the way of each frame back to the host too), peak memory, and what a frame has
 to move at least (see `least_traffic`) in that time, as a share of what the device copies a second, measured in the same
-run. `--device cpu` runs the same code on a CPU, without the native step.
+run. `--device cpu` tries all of it but the search for neighbours, without the native step.
 """
 
 from __future__ import annotations
 
 import argparse
 import time
+from collections import deque
 from itertools import islice
 
 import numpy as np
@@ -55,16 +56,17 @@ def copied_a_second(device: str) -> float:
     return 2 * FLOAT * COPIED / best
 
 
-def least_traffic(particles: int, edges: int) -> int:
+def least_traffic(particles: int, edges: int, channels: int) -> int:
     """Bytes that a frame of the rule has to move, were every array read or written once in each pass that needs it.
 
     Each of the steps goes over the edges twice: for density, who it is, its place and velocity; for the pressures, who
-    it is, its place and pressure; and over the particles, whose place and velocity are read and written. The network
-    does once what the second pass does, with as many channels.
+    it is, its place and pressure; and over the particles, whose place, velocity and pressure are read and written. The
+    network goes over the edges once, for who it is, its place and what it tells.
     """
     an_edge = (1 + 6) + (1 + 4)
-    a_particle = 2 * 6 + 2 * 4
-    return FLOAT * (SOLVER_STEPS * (edges * an_edge + particles * a_particle) + edges * (1 + 3 + 16))
+    a_particle = 2 * (6 + 4)
+    told = 1 + 3 + channels
+    return FLOAT * (SOLVER_STEPS * (edges * an_edge + particles * a_particle) + edges * told)
 
 
 def frame_time(particles: int, frames: int, device: str) -> tuple[int, float, int]:
@@ -77,7 +79,7 @@ def frame_time(particles: int, frames: int, device: str) -> tuple[int, float, in
     for _ in islice(run, 2):
         pass
     began = time.perf_counter()
-    *_, (positions, _) = run
+    ((positions, _),) = deque(run, maxlen=1)
     took = (time.perf_counter() - began) / frames
     last = torch.from_numpy(positions)
     return len(last), took, len(neighbourhood(last, model.architecture.radius).senders)
@@ -101,12 +103,13 @@ def main() -> None:
     print(f"{EQUAL_FRAMES} frames of {len(by_cpu[0])} particles: off the CPU's native ones by {told}", flush=True)
     copied = copied_a_second(device)
     print(f"copies {copied / 1e9:.0f} GB a second", flush=True)
+    channels = load().architecture.messages
     for particles in arguments.particles:
         if on_gpu:
             torch.cuda.reset_peak_memory_stats(device)
         count, seconds, edges = frame_time(particles, arguments.frames, device)
         memory = f", {torch.cuda.max_memory_allocated(device) / 1e9:.2f} GB at most" if on_gpu else ""
-        share = least_traffic(count, edges) / seconds / copied
+        share = least_traffic(count, edges, channels) / seconds / copied
         each = f"{1000 * seconds:.2f} ms a frame, {1e6 * seconds / count:.3f} µs a particle"
         told = f"{count} particles, {edges} edges: {each}{memory}; {100 * share:.1f} % of what copying reaches"
         print(told, flush=True)

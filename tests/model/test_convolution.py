@@ -1,7 +1,8 @@
 import pytest
 import torch
 
-from surfsup.model.convolution import KERNELS, PARITY, Gather, Graph, KernelSums, graph, join
+from surfsup.errors import SimulationError
+from surfsup.model.convolution import KERNELS, PARITY, Gather, Graph, KernelSums, graph, join, sparse
 from surfsup.model.neighbours import Neighbourhood, neighbourhood
 from surfsup.scene import SPACING
 
@@ -148,3 +149,9 @@ def test_kernel_sums_have_the_gradients_of_finite_differences():
 
     values = torch.randn(12, 3, dtype=torch.float64, requires_grad=True)
     assert torch.autograd.gradcheck(sums, (positions.requires_grad_(), values))
+
+
+def test_more_pairs_than_a_sparse_matrix_can_count_are_refused_in_one_line():
+    columns = torch.empty(2**31, dtype=torch.long, device="meta")
+    with pytest.raises(SimulationError, match="536870912 pairs of neighbours"):
+        sparse(columns[:2], columns, columns, (1, 1))

@@ -146,5 +146,5 @@ def test_sizes_that_do_not_fit_are_refused():
     hidden, mix, own = (one.detach().numpy() for one in drawn(16, 20))
     with pytest.raises(ValueError, match="multiples of 16 channels"):
         native.convolve(*told, hidden, mix[:48], own, hidden.copy(), 1)
-    with pytest.raises(ValueError, match="hidden has 19 rows for 20 particles"):
+    with pytest.raises(ValueError, match="hidden has 19 rows, but must have 20"):
         native.convolve(*told, hidden[:19], mix, own, hidden.copy(), 1)

@@ -15,7 +15,7 @@ def assert_same(positions: torch.Tensor, radius: float) -> None:
         assert torch.equal(found, expected)
 
 
-@given(st.integers(1, 150), st.floats(0.01, 1.5), st.integers(0, 2**32 - 1))
+@given(st.integers(0, 150), st.floats(0.01, 1.5), st.integers(0, 2**32 - 1))
 def test_it_equals_the_tree_and_so_brute_force(count, radius, seed):
     assert_same(torch.rand(count, 3, generator=torch.Generator().manual_seed(seed)), radius)
 
@@ -48,6 +48,11 @@ def test_particles_that_flew_far_away_still_have_their_neighbours():
 
 def test_particles_in_one_place_are_neighbours_but_none_is_its_own():
     assert_same(torch.zeros(4, 3), 0.1)
+
+
+def test_a_clump_is_a_collapse_and_not_a_memory_error():
+    with pytest.raises(SimulationError, match="the simulation collapsed"):
+        pairs_by_cells(torch.rand(40_000, 3) / 1000, 0.06)
 
 
 @pytest.mark.parametrize("value", [torch.nan, torch.inf])

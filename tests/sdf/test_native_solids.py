@@ -130,7 +130,7 @@ def test_a_native_solid_of_the_wrong_things_is_refused(kind, numbers, parts):
 
 
 def test_sizes_that_do_not_fit_are_refused():
-    with pytest.raises(ValueError, match="distance has 3 rows for 2 particles"):
+    with pytest.raises(ValueError, match="distance has 3 rows, but must have 2"):
         native.Solid("sphere", [1.0], []).look(
             np.zeros((2, 3), np.float32), np.zeros(3, np.float32), np.zeros((2, 3), np.float32), 1
         )

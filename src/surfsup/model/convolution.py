@@ -16,6 +16,7 @@ from functools import cached_property
 import torch
 from torch import Tensor, nn
 
+from surfsup.errors import SimulationError
 from surfsup.model.native_convolution import FOUR, NativeConvolution, NativeKernelSums, can_convolve, can_sum
 from surfsup.model.neighbours import Neighbourhood, join_neighbourhoods
 
@@ -64,14 +65,23 @@ class Graph:
         places = place[:, None] + degree.index_select(0, near.receivers)[:, None] * kernel
         values = torch.empty(places.numel(), dtype=self.kernels.dtype, device=kernel.device)
         values[places] = self.kernels.detach() * self.kernels.new_tensor(PARITY)
-        columns = torch.empty_like(near.senders).new_empty(places.numel())
+        columns = near.senders.new_empty(places.numel())
         columns[places] = near.senders[:, None].expand_as(places)
         starts = torch.cat([rows.flatten(), near.starts[-1:] * KERNELS])
         return sparse(starts, columns, values, (count * KERNELS, count))
 
 
 def sparse(starts: Tensor, columns: Tensor, values: Tensor, size: tuple[int, int]) -> Tensor:
-    """A compressed sparse row matrix; 32-bit indices are what the fast product takes."""
+    """A compressed sparse row matrix; 32-bit indices are what the fast product takes.
+
+    Raises:
+        SimulationError: it has more elements than these can count.
+    """
+    if columns.numel() >= 2**31:
+        raise SimulationError(
+            f"the particles have {columns.numel() // KERNELS} pairs of neighbours, and torch's sparse matrices hold "
+            f"{2**31 // KERNELS}; simulate fewer particles, or on a CPU with the native step"
+        )
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", message="Sparse CSR tensor support is in beta")
         return torch.sparse_csr_tensor(starts.int(), columns.int(), values, size=size, check_invariants=False)

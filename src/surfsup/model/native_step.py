@@ -13,6 +13,7 @@ from torch import Tensor
 from surfsup import native
 from surfsup.model.convolution import graph
 from surfsup.model.correction import LARGEST, POSITION_SHARE, PRESSURE_SCALE
+from surfsup.model.crowding import blown_up, collapsed, most_edges
 from surfsup.model.features import (
     ACTIONS,
     DENSITY_SCALE,
@@ -24,7 +25,7 @@ from surfsup.model.features import (
     Features,
 )
 from surfsup.model.guard import Look
-from surfsup.model.neighbours import blown_up, collapsed, most_edges, neighbourhood
+from surfsup.model.neighbours import neighbourhood
 from surfsup.model.network import ConvolutionNetwork
 from surfsup.model.solid_density import DEEPEST, NEAREST, OFFSET, STRENGTH, SUPPORT, TABLE_STEP, entries
 from surfsup.model.solid_map import UNTURNED
@@ -89,7 +90,7 @@ class NativeStep:
 
     def can_take(self, state: State, around: Surroundings, network: ConvolutionNetwork) -> bool:
         """Whether it may stand in: it is built, no gradient is wanted, all is single precision on the CPU."""
-        if not self.path or torch.is_grad_enabled() or around.gravity.ndim != 1 or not network.layers:
+        if not self.path or torch.is_grad_enabled() or not network.layers:
             return False
         return all(
             value.dtype == torch.float32 and value.device.type == "cpu"
@@ -98,7 +99,7 @@ class NativeStep:
 
     def can_observe(self, state: State, around: Surroundings, network: ConvolutionNetwork) -> bool:
         """Whether it may see for the network: as :meth:`can_take`, but the network's own gradient may be wanted."""
-        if not self.path or around.gravity.ndim != 1 or around.records_gradients():
+        if not self.path or around.records_gradients():
             return False
         given = (*vars(state).values(), around.gravity, around.lower, network.encoder[0].weight)
         wanted = torch.is_grad_enabled() and any(value.requires_grad for value in given[:-1])

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,11 +10,8 @@ from scipy.spatial import cKDTree
 from torch import Tensor
 
 from surfsup import native
-from surfsup.errors import SimulationError
+from surfsup.model.crowding import blown_up, collapsed, most_edges
 from surfsup.model.neighbours_device import pairs_by_cells
-from surfsup.scene import PARTICLE_RADIUS
-
-MOST_CROWDED = 8  # times as many neighbours as in water, on the mean
 
 
 @dataclass(frozen=True)
@@ -85,29 +81,6 @@ def pairs_by_tree(positions: Tensor, radius: float) -> tuple[Tensor, Tensor]:
     senders = np.concatenate([pairs[:, 1], pairs[:, 0]])
     order = np.argsort(receivers * len(points) + senders)
     return torch.from_numpy(receivers[order]), torch.from_numpy(senders[order])
-
-
-def in_water(radius: float) -> float:
-    """How many neighbours a particle has in water at rest."""
-    return 4 / 3 * math.pi * (radius / (2 * PARTICLE_RADIUS)) ** 3
-
-
-def most_edges(particles: int, radius: float) -> int:
-    """With more edges than this the fluid is no longer one."""
-    return int(MOST_CROWDED * in_water(radius) * particles)
-
-
-def collapsed(radius: float) -> SimulationError:
-    """What to raise where everybody sees everybody."""
-    return SimulationError(
-        f"the simulation collapsed: more than {MOST_CROWDED * in_water(radius):.0f} particles are within {radius} m of "
-        f"one, on the mean, where water has {in_water(radius):.0f}"
-    )
-
-
-def blown_up() -> SimulationError:
-    """What to raise where a position is not finite."""
-    return SimulationError("the simulation blew up: a particle's position is not a finite number")
 
 
 def join_neighbourhoods(parts: list[Neighbourhood]) -> Neighbourhood:

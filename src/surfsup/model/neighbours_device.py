@@ -5,14 +5,17 @@ Green, "Particle Simulation using CUDA", 2010.
 
 from __future__ import annotations
 
+import math
+
 import torch
 from torch import Tensor
 
-from surfsup.errors import SimulationError
+from surfsup.model.crowding import blown_up, collapsed, most_edges
 
 FARTHEST_CELL = 2**19  # cells from the middle; what has flown farther shares the last one
 # Particles for whom what may be near is held at once: some 200 each in water, about a hundred bytes for each of these.
 AT_ONCE = 2**18
+CELLS_TO_BALL = 27 / (4 / 3 * math.pi)  # the volume of all cells around one to that of the radius around a particle
 
 
 def pairs_by_cells(positions: Tensor, radius: float, at_once: int = AT_ONCE) -> tuple[Tensor, Tensor]:
@@ -22,11 +25,13 @@ def pairs_by_cells(positions: Tensor, radius: float, at_once: int = AT_ONCE) -> 
     of candidates and for that of pairs.
 
     Raises:
-        SimulationError: a position is not finite.
+        SimulationError: a position is not finite, or the particles have collapsed into a clump.
     """
+    if len(positions) == 0:
+        return (torch.zeros(0, dtype=torch.long, device=positions.device),) * 2
     places = positions.detach().double()  # as in the search on the CPU: a tie must not fall the other way
     if not bool(places.isfinite().all()):
-        raise SimulationError("the simulation blew up: a particle's position is not a finite number")
+        raise blown_up()
     middle = places.median(dim=0).values
     cells = ((places - middle) / radius).floor().clamp(-FARTHEST_CELL, FARTHEST_CELL).long() + FARTHEST_CELL + 1
     side = 2 * FARTHEST_CELL + 3
@@ -52,6 +57,9 @@ def pairs_of(some: Tensor, keys: Tensor, side: int, places: Tensor, radius: floa
         side: from a cell's key to that of the next one along y.
         places: (N, 3) of the particles, metres.
         radius: metres.
+
+    Raises:
+        SimulationError: what may be near is more than memory can be asked for, as in a clump.
     """
     # Three cells in a row along z have keys in a row, so nine ranges hold all that can be near.
     around = torch.arange(-1, 2, device=keys.device)
@@ -59,6 +67,8 @@ def pairs_of(some: Tensor, keys: Tensor, side: int, places: Tensor, radius: floa
     first = torch.searchsorted(keys, rows - 1)
     count = (torch.searchsorted(keys, rows + 1, right=True) - first).flatten()
     total = int(count.sum())
+    if total > CELLS_TO_BALL * most_edges(AT_ONCE, radius):
+        raise collapsed(radius)
     ranges = torch.repeat_interleave(count, output_size=total)
     before = count.cumsum(0) - count
     senders = first.flatten()[ranges] + torch.arange(total, device=keys.device) - before[ranges]

@@ -1,4 +1,4 @@
-"""The network: what acts on the particles in, a correction for each particle out.
+"""The network: what acts on the particles in, a number for each particle out, from which its pressure is made.
 
 It has no biases, and SiLU is zero at zero: where nothing acts, within as many hops as there are layers, the
 correction is exactly zero, and a free fall stays one. How the neighbours lie is told by factors, not by terms.

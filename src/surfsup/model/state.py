@@ -5,6 +5,7 @@ Of the past it knows nothing: the reference solver, started anew from places and
 
 from __future__ import annotations
 
+from copy import deepcopy
 from dataclasses import dataclass, replace
 
 import torch
@@ -82,7 +83,7 @@ class Surroundings:
         """What a scene puts around its fluid."""
         container = scene.container
         return cls(
-            None if surface is None else surface.to(device),
+            None if surface is None else on_device(surface, device),
             torch.tensor(container.lower, device=device),
             torch.tensor(container.upper, device=device),
             torch.tensor(scene.gravity, device=device),
@@ -113,3 +114,13 @@ class Surroundings:
         if self.surface is None:
             return torch.full_like(points[:, 0], torch.inf), torch.zeros_like(points)
         return self.surface.distance_and_normal(points)
+
+
+def on_device(surface: Surface, device: torch.device | str) -> Surface:
+    """The surface there: itself where it must be, to carry gradients, or may be; else a copy.
+
+    To move a surface moves it for all who hold it, and files and maps are made where it was.
+    """
+    if torch.device(device).type == "cpu" or surface.records_gradients():
+        return surface.to(device)
+    return deepcopy(surface).to(device)

@@ -176,7 +176,7 @@ class SolidMap:
         """
 
 class Network:
-    """The convolution's network, its weights copied, and the memory of its steps."""
+    """The convolution's network, which reads its weights anew in every step, and the memory of its steps."""
 
     def __init__(
         self,
@@ -206,7 +206,7 @@ class Network:
         largest: float,
         thickest: tuple[float, ...],
     ) -> None:
-        """Copy the weights.
+        """Keep the weights' memory.
 
         Raises:
             ValueError: sizes do not fit.

@@ -55,8 +55,8 @@ struct Weights {
     const float *decode_in, *decode_out;            // (width, width), (width, OUTPUT_ROOM)
 };
 
-// The neighbours of a particle within the radius in the frame's middle, filled up to whole vectors by one that is infinitely
-// far, with room for what the displacements in the step that is made are multiplied by to give the kernel's slopes.
+// The neighbours of a particle within the radius in the frame's middle, filled up to whole vectors by one that is far
+// away, with room for what the displacements in the step that is made are multiplied by to give the kernel's slopes.
 struct Edges {
     const int32_t* senders;
     float* along;
@@ -104,7 +104,7 @@ struct Frame {
     Edges* edges;
     float *acts, *lie;           // (count, ACTIONS), (count, SURROUNDINGS); room for a block more
     Sweep* sweeps;
-    // of them and one more, which is infinitely far:
+    // of them and one more, which is far away:
     float* motion;               // (count + 1, MOTION): m in this step, and m/s but for what gravity adds
     float* pushes;               // (count + 1, PUSH): m in this step, and the pressure of the sweep that is made
     float* factors;              // (count, width), of the last hidden state
@@ -122,8 +122,9 @@ struct Path {
     bool (*supported)();
     int rows;                    // particles in a block
     int64_t (*scratch)(const Frame&);  // floats that `encode` and `layer` need
-    // Neighbours of sorted particles; how many edges, -1 where memory ran out.
-    int64_t (*look)(const Frame&, int32_t begin, int32_t end, Arena&);
+    // Neighbours of sorted particles, kept in the first arena; how many edges, -1 where memory ran out. The second one and
+    // `search` are what a thread looks with, from one call to the next in the same frame.
+    int64_t (*look)(const Frame&, int32_t begin, int32_t end, Arena&, Arena& searching, void* search);
     // A step of the sweeps: density and pressures; then what these do to speeds, and the places of the next step. The last
     // step leaves what the network is told.
     void (*approach)(const Frame&, int step, int32_t begin, int32_t end);
@@ -147,7 +148,7 @@ struct Path {
     // The places of sorted particles that are within the radius of the sorted particle i, in any order; how many, -1
     // where memory ran out. `to` points to them until the next call.
     int64_t (*within)(const Frame&, int32_t i, Arena&, void* search, const int32_t*& to);
-    int64_t search_bytes;  // of `search`, zero at first
+    int64_t search_bytes;  // of `search`, zero at first in every frame
     // Signed distance and unit normal of points begin to end.
     void (*distance)(const Tree&, const float* points, int32_t begin, int32_t end, float* distance, float* normal);
 };

@@ -90,8 +90,6 @@ inline Floats reciprocal_root(Floats x) {
 inline Floats at_most(Floats values, float most) { return values > most ? splat(most) : values; }
 inline Floats at_least(Floats values, float least) { return values < least ? splat(least) : values; }
 
-inline Floats from_ints(Ints values) { return __builtin_convertvector(values, Floats); }
-
 // Nearest whole number of values that an int can hold, by the rounding of an addition.
 inline Floats rounded(Floats values) {
     const Floats shift = splat(12582912.0f);  // 1.5 * 2^23

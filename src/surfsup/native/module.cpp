@@ -58,8 +58,8 @@ surfsup::Matrix matrix(const Weight& weight) {
 
 void expect(size_t rows, size_t count, const char* name) {
     if (rows != count)
-        throw std::invalid_argument(std::string(name) + " has " + std::to_string(rows) + " rows for " +
-                                    std::to_string(count) + " particles");
+        throw std::invalid_argument(std::string(name) + " has " + std::to_string(rows) + " rows, but must have " +
+                                    std::to_string(count));
 }
 
 const surfsup::Path& path_of(const std::string& name) {

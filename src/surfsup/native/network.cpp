@@ -156,15 +156,18 @@ int64_t Network::look(const Fluid& fluid, const Path& path, int threads, int64_t
     frame.motion = motion_.data(), frame.pushes = pushes_.data();
 
     const int most = std::max(1, threads);
-    arenas_.resize(std::max(arenas_.size(), static_cast<size_t>(most)));
-    for (Arena& arena : arenas_) arena.reset();
+    for (auto* arenas : {&arenas_, &searching_}) {
+        arenas->resize(std::max(arenas->size(), static_cast<size_t>(most)));
+        for (Arena& arena : *arenas) arena.reset();
+    }
+    searches_.assign(static_cast<size_t>(most), std::vector<char>(static_cast<size_t>(path.search_bytes)));
     std::atomic<int64_t> edges{0};
     std::atomic<bool> enough{true};
     const int32_t portion = 4 * path.rows;
     in_parallel(most, fluid.count, portion, [&](int thread, int32_t begin, int32_t end) {
         if (!enough || edges > most_edges) return;
         const auto t = static_cast<size_t>(thread);
-        const int64_t found = path.look(frame, begin, end, arenas_[t]);
+        const int64_t found = path.look(frame, begin, end, arenas_[t], searching_[t], searches_[t].data());
         found < 0 ? void(enough = false) : void(edges += found);
     });
     if (!enough) throw std::bad_alloc();

@@ -71,7 +71,8 @@ private:
     AlignedFloats halfway_, x_, y_, z_, motion_, pushes_, acts_, lie_, factors_, hidden_[2], told_[2];
     std::vector<Edges> edges_;
     std::vector<Sweep> sweeps_;
-    std::vector<Arena> arenas_;
+    std::vector<Arena> arenas_, searching_;
+    std::vector<std::vector<char>> searches_;
     std::vector<AlignedFloats> scratch_;
 };
 

@@ -114,7 +114,7 @@ inline bool find_within(const Frame& frame, int32_t i, int row, Search& search, 
 inline bool keep_edges(const Frame& frame, int32_t i, int row, const Search& search, Arena& arena) {
     const int32_t* within = search.within[row];
     const int64_t count = search.found[row], filled = (count + LANES - 1) / LANES * LANES;
-    auto* memory = static_cast<float*>(take(arena, 4 * (1 + 1) * filled + 4));
+    auto* memory = static_cast<float*>(take(arena, 4 * (1 + 1) * filled));
     if (!memory) return false;
     auto* senders = reinterpret_cast<int32_t*>(memory);
     std::memcpy(senders, within, 4 * static_cast<size_t>(count));
@@ -123,15 +123,15 @@ inline bool keep_edges(const Frame& frame, int32_t i, int row, const Search& sea
     return true;
 }
 
-int64_t look(const Frame& frame, int32_t begin, int32_t end, Arena& arena) {
-    Search search;
+int64_t look(const Frame& frame, int32_t begin, int32_t end, Arena& arena, Arena& searching, void* memory) {
+    auto& search = *static_cast<Search*>(memory);
     int64_t edges = 0;
     for (int32_t block = begin; block < end; block += ROWS) {
         const int here = end - block < ROWS ? end - block : ROWS;
         for (int row = 0; row < here; ++row) {
             const int32_t i = block + row, cell = frame.cells.of[i];
-            if (cell + 1 != search.cell && !see_cell(frame, cell, search, arena)) return -1;
-            if (!find_within(frame, i, row, search, arena)) return -1;
+            if (cell + 1 != search.cell && !see_cell(frame, cell, search, searching)) return -1;
+            if (!find_within(frame, i, row, search, searching)) return -1;
         }
         // One thing after the other for all rows: what has only just been written piece by piece cannot be read at once.
         for (int row = 0; row < here; ++row) {

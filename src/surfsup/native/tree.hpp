@@ -22,7 +22,7 @@ struct Tree {
 };
 
 // Neighbours as torch keeps them: the edges of particle i are starts[i] up to starts[i + 1], four kernels an edge.
-// With every edge there is its reverse, whose kernels differ in the sign of all but the first two.
+// With every edge there is its reverse, whose kernels differ in the sign of all but the first.
 struct Sparse {
     int32_t count;
     const int64_t *starts, *senders;

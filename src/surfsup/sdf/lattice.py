@@ -50,7 +50,8 @@ class Lattice(nn.Module):
 
     def nodes(self) -> Tensor:
         """Where they are (X · Y · Z, 3)."""
-        axes = [low + self.cell * torch.arange(count) for low, count in zip(self.lower, self.shape, strict=True)]
+        corners = zip(self.lower, self.shape, strict=True)
+        axes = [low + self.cell * torch.arange(count, device=low.device) for low, count in corners]
         return torch.stack(torch.meshgrid(*axes, indexing="ij"), dim=-1).reshape(-1, 3)
 
     def sample(self, points: Tensor) -> tuple[Tensor, Tensor]:
@@ -65,7 +66,8 @@ class Lattice(nn.Module):
         along = (place - cell).unsqueeze(-1)
         sides = torch.cat([1 - along, along], dim=-1)
         weight = sides[:, 0, :, None, None] * sides[:, 1, None, :, None] * sides[:, 2, None, None, :]
-        corners = self.table[(cell @ self.stride)[:, None] + self.steps]
+        # By a sum: on a GPU torch has no product of whole numbers' matrices.
+        corners = self.table[(cell * self.stride).sum(dim=-1)[:, None] + self.steps]
         mean = torch.einsum("nk,nkc->nc", weight.reshape(-1, 8), corners)
         gradient = mean[:, 1:]
         distance = mean[:, 0] + 0.5 * (border * gradient).sum(dim=-1)

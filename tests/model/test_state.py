@@ -1,0 +1,31 @@
+import torch
+
+from surfsup.model.state import Surroundings
+from surfsup.scene import Scene
+from surfsup.sdf import Sphere, Transformed
+
+SCENE = Scene.from_yaml("fluid: [{block: {min: [0, 0, 1], max: [0.1, 0.1, 1.1]}}]", "test")
+ELSEWHERE = "meta"  # a device that every torch has
+
+
+def turned_ball() -> Transformed:
+    return Transformed(Sphere(0.3), torch.eye(3))
+
+
+def test_on_another_device_the_caller_s_surface_stays_where_it_was_and_still_answers():
+    surface = turned_ball()
+    there = Surroundings.of(SCENE, surface, ELSEWHERE)
+    assert {buffer.device.type for buffer in there.surface.buffers()} == {ELSEWHERE}
+    assert {buffer.device.type for buffer in surface.buffers()} == {"cpu"}
+    assert surface.distance(torch.tensor([[0.0, 0.0, 1.0]])).item() == torch.tensor(0.7)
+
+
+def test_on_another_device_the_solid_s_map_is_made_where_the_surface_was():
+    expected = Surroundings.of(SCENE, turned_ball()).felt.tables
+    tables = Surroundings.of(SCENE, turned_ball(), ELSEWHERE).felt.tables
+    assert (tables.nodes == expected.nodes).all()
+
+
+def test_a_surface_that_wants_gradients_is_moved_itself():
+    surface = Sphere(torch.nn.Parameter(torch.tensor(0.3)))
+    assert Surroundings.of(SCENE, surface, ELSEWHERE).surface is surface
