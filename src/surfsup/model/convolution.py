@@ -175,8 +175,8 @@ class KernelSums(torch.autograd.Function):
     def forward(context: torch.autograd.function.FunctionCtx, values: Tensor, kernels: Tensor, graph: Graph) -> Tensor:
         """(N, C) values of the senders -> (N, 4, C) sums of the receivers; ``kernels`` are those of ``graph``."""
         context.save_for_backward(values)
-        context.graph = graph
-        return (graph.spreading @ values).unflatten(0, (len(graph), KERNELS)) * parity(values)
+        context.graph, context.signs = graph, parity(values)
+        return (graph.spreading @ values).unflatten(0, (len(graph), KERNELS)) * context.signs
 
     @staticmethod
     def backward(
@@ -186,7 +186,7 @@ class KernelSums(torch.autograd.Function):
         graph, near = context.graph, context.graph.neighbourhood
         to_values = to_kernels = None
         if context.needs_input_grad[0]:
-            to_values = graph.gathering @ (gradient * parity(gradient)).flatten(0, 1)
+            to_values = graph.gathering @ (gradient * context.signs).flatten(0, 1)
         if context.needs_input_grad[1]:
             (values,) = context.saved_tensors
             sent = values.index_select(0, near.senders)
