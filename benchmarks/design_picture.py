@@ -1,0 +1,53 @@
+"""The water pictures of docs/design.md: the first and the best design, by the learned simulator and by the solver.
+
+python benchmarks/design_picture.py out/design/bowl -o docs/images/design-bowl-water.png
+
+The solids are cut open in front; each of the four is seen in its last frame, as they stand in the design's folder.
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+import numpy as np
+import torch
+from PIL import Image
+
+from surfsup.design.film import RESOLUTION, opened
+from surfsup.scene import PARTICLE_RADIUS
+from surfsup.sdf import MeshSurface, load_mesh
+from surfsup.trajectory import Trajectory
+from surfsup.viewing.label import label
+from surfsup.viewing.render import FrameRenderer
+
+DESIGNS = ("first", "best")
+SIMULATORS = {"learned": "learned simulator", "solver": "SPlisHSPlasH"}
+SIZE = (560, 420)  # pixels of each
+
+
+def picture(folder: Path, design: str, simulator: str) -> np.ndarray:
+    """The last frame of one design's water by one of the simulators."""
+    mesh = load_mesh(folder / design / "shape.obj", up="z")
+    with torch.no_grad():
+        solid = opened(MeshSurface(mesh)).to_mesh(RESOLUTION)
+    with Trajectory(folder / design / f"{simulator}.h5") as frames:
+        size, first = frames.scene.container.size, frames.positions[0]
+        renderer = FrameRenderer(solid, size, PARTICLE_RADIUS, first, SIZE)
+        image = renderer.image(frames.positions[len(frames) - 1])
+        renderer.close()
+        return label(image, f"{design}, {SIMULATORS[simulator]}, frame {len(frames) - 1}")
+
+
+def main() -> None:
+    """Draw the four, a simulator a row."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("folder", type=Path, help="of a design that was proven")
+    parser.add_argument("-o", "--out", type=Path, required=True)
+    arguments = parser.parse_args()
+    rows = [[picture(arguments.folder, design, simulator) for design in DESIGNS] for simulator in SIMULATORS]
+    Image.fromarray(np.concatenate([np.concatenate(row, axis=1) for row in rows])).save(arguments.out)
+
+
+if __name__ == "__main__":
+    main()
