@@ -1,6 +1,7 @@
 import copy
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from itertools import pairwise
 
 import pytest
 import torch
@@ -11,7 +12,8 @@ from surfsup import native
 from surfsup.errors import SimulationError
 from surfsup.model import weights
 from surfsup.model.features import DISPLACEMENT_SCALE
-from surfsup.model.native_step import NativeStep
+from surfsup.model.guard import CLEARANCE
+from surfsup.model.native_step import NativeStep, at_least_from, ballistic
 from surfsup.model.simulator import Architecture, Simulator
 from surfsup.model.solid_map import SolidMap
 from surfsup.model.state import FRAME_TIME, State, Surroundings
@@ -304,3 +306,48 @@ def test_sizes_that_do_not_fit_are_refused():
         network.step(**arrays, path=native.paths()[0], threads=1, most_edges=1000)
     with pytest.raises(ValueError, match="cannot go the path 'cray'"):
         network.step(**{**arrays, "distance": torch.zeros(10).numpy()}, path="cray", threads=1, most_edges=1000)
+
+
+def fallen(frames: int, place: Surroundings) -> tuple[Simulator, list[State]]:
+    """A model, and the states of its rollout on a ball."""
+    simulator, state, states = model(layers=1), stirred(60), []
+    with torch.no_grad():
+        for _ in range(frames):
+            states.append(state)
+            state, _ = simulator.step(state, place)
+    return simulator, states
+
+
+def test_the_solid_is_asked_again_only_by_those_that_may_be_near_and_is_never_nearer_than_told():
+    place, asked = around(BALL), []
+
+    class Asked(Transformed):
+        def distance(self, points: torch.Tensor) -> torch.Tensor:
+            asked.append(len(points))
+            return super().distance(points)
+
+    watched = replace(place, surface=Asked(Sphere(0.3), None, (0.0, 0.0, 0.3)))
+    simulator, states = fallen(15, watched)
+    assert asked[0] == 60 and 0 < sum(asked[1:15]) < 0.8 * 14 * 60
+    for state in states:
+        ahead = ballistic(state, watched)
+        last = simulator.native.look_again(ahead, watched)
+        told, exact = at_least_from(ahead, last), BALL.distance(ahead)
+        assert (told <= exact + 1e-6).all()
+        assert torch.equal(told[exact < CLEARANCE], exact[exact < CLEARANCE])
+
+
+def test_a_step_does_not_depend_on_the_steps_before():
+    place = around(BALL)
+    simulator, states = fallen(15, place)
+    for state, after in pairwise(states):
+        with torch.no_grad():
+            anew, _ = model(layers=1).step(state, place)
+        torch.testing.assert_close(anew.positions, after.positions, atol=1e-6, rtol=0)
+    with torch.no_grad():
+        elsewhere = replace(place, surface=Sphere(0.1))
+        simulator.step(states[0], elsewhere)
+        assert simulator.native.looked[0] is elsewhere
+        fewer = State(states[0].positions[:7], states[0].velocities[:7])
+        simulator.step(fewer, elsewhere)
+        assert len(simulator.native.looked[1].places) == 7

@@ -24,7 +24,7 @@ from surfsup.model.features import (
     VELOCITY_SCALE,
     Features,
 )
-from surfsup.model.guard import Look
+from surfsup.model.guard import CLEARANCE, Look
 from surfsup.model.neighbours import neighbourhood
 from surfsup.model.network import ConvolutionNetwork
 from surfsup.model.solid_density import DEEPEST, NEAREST, OFFSET, STRENGTH, SUPPORT, TABLE_STEP, entries
@@ -56,7 +56,7 @@ class LookAhead:
         places: (N, 3), metres.
         speeds: (N, 3), m/s.
         ahead: (N, 3) where ballistic motion would take it, metres.
-        distance: (N,) of the solid from there, metres.
+        distance: (N,) of the solid from there, metres, or no more than that.
         told: the last two, the solid's normal there (N, 3), gravity, the corners of the container, the solid's map and
             how it is turned.
     """
@@ -84,6 +84,7 @@ class NativeStep:
         self.weights: list[Tensor] = []  # of that network; to walk through its modules takes longer than the guard
         self.network: native.Network | None = None
         self.made_of: list[int] = []  # where the weights lay; the network keeps that memory from being given to others
+        self.looked: tuple[Surroundings, Look] | None = None  # at which solid, and from where each particle did last
 
     def __reduce__(self) -> tuple[type[NativeStep], tuple[str]]:
         return NativeStep, (self.path,)  # a copy makes its own network
@@ -112,10 +113,32 @@ class NativeStep:
         Raises:
             SimulationError: a position is not finite, or the particles have collapsed into a clump.
         """
-        seen = look_ahead(state, around)
+        ahead = ballistic(state, around)
+        if around.felt is None:
+            distance, normal = around.distance_and_normal(ahead)
+            last = Look(ahead, distance.float())
+        else:
+            last = self.look_again(ahead, around)
+            distance, normal = at_least_from(ahead, last), torch.zeros_like(ahead)
+        seen = look_ahead(state, around, ahead, distance, normal)
         positions, velocities = np.empty_like(seen.speeds), np.empty_like(seen.speeds)
         self._run(simulator, self.network_of(simulator).step, seen, (positions, velocities))
-        return torch.from_numpy(positions), torch.from_numpy(velocities), Look(seen.ahead, seen.distance)
+        return torch.from_numpy(positions), torch.from_numpy(velocities), last
+
+    def look_again(self, ahead: Tensor, around: Surroundings) -> Look:
+        """From where each particle looked at the solid last: from ``ahead`` (N, 3) those that may be near it there.
+
+        The rule feels the solid by its map; how far off it is exactly only the guard has to know, of what comes near.
+        """
+        before = self.looked
+        if before is None or before[0] is not around or len(before[1].places) != len(ahead):
+            places, distance = ahead, around.surface.distance(ahead).float()
+        else:
+            places, distance = before[1].places.clone(), before[1].distance.clone()
+            at = torch.from_numpy(native.within_reach(ahead.numpy(), places.numpy(), distance.numpy(), CLEARANCE))
+            places[at], distance[at] = ahead[at], around.surface.distance(ahead[at]).float()
+        self.looked = around, Look(places, distance)
+        return self.looked[1]
 
     @torch.no_grad()
     def observe(self, simulator: Simulator, state: State, around: Surroundings) -> tuple[LookAhead, Features]:
@@ -124,7 +147,8 @@ class NativeStep:
         Raises:
             SimulationError: as of :meth:`take`.
         """
-        seen = look_ahead(state, around)
+        ahead = ballistic(state, around)
+        seen = look_ahead(state, around, ahead, *around.distance_and_normal(ahead))
         count = len(seen.speeds)
         told = [np.empty((count, columns), np.float32) for columns in (ACTIONS, SURROUNDINGS, 3, 3, 3, 3)]
         self._run(simulator, self.network_of(simulator).observe, seen, told)
@@ -152,12 +176,23 @@ class NativeStep:
         return self.network
 
 
-def look_ahead(state: State, around: Surroundings) -> LookAhead:
-    """Where ballistic motion would lead, and the solid there."""
+def ballistic(state: State, around: Surroundings) -> Tensor:
+    """Where ballistic motion would lead (N, 3), metres."""
     places, speeds = state.positions.contiguous().numpy(), state.velocities.contiguous().numpy()
     # In NumPy: torch's threads would wait for each other at every one of such small steps.
-    ahead = torch.from_numpy(places + np.float32(FRAME_TIME) * speeds + free_fall_drop(around.gravity).numpy())
-    distance, normal = around.distance_and_normal(ahead)
+    return torch.from_numpy(places + np.float32(FRAME_TIME) * speeds + free_fall_drop(around.gravity).numpy())
+
+
+def at_least_from(places: Tensor, last: Look) -> Tensor:
+    """How far the solid is off ``places`` (N, 3) at least, metres, by how far it was at the last look."""
+    with np.errstate(invalid="ignore"):  # from infinity to infinity: the step will refuse it
+        gone = places.numpy() - last.places.numpy()
+    return torch.from_numpy(last.distance.numpy() - np.sqrt(np.einsum("ni,ni->n", gone, gone)))
+
+
+def look_ahead(state: State, around: Surroundings, ahead: Tensor, distance: Tensor, normal: Tensor) -> LookAhead:
+    """What the native code is given; the solid has that distance (N,) and normal (N, 3) from ``ahead`` (N, 3)."""
+    places, speeds = state.positions.contiguous().numpy(), state.velocities.contiguous().numpy()
     distance, normal = distance.float(), normal.float().contiguous()
     told = [value.numpy() for value in (ahead, distance, normal, around.gravity, around.lower, around.upper)]
     felt = around.felt

@@ -1,11 +1,11 @@
 """What the solver's own rule makes of a frame, before the network corrects it.
 
 In each of its steps the solver (DFSPH: Bender and Koschier, "Divergence-Free SPH for Incompressible and Viscous
-Fluids", 2017) first takes from velocities what makes density rise, then lets viscosity and gravity act, then takes what
-would make density too high at the step's end. It goes over all particles once for the former and two to six times for
-the latter (measured), so what it does in a step is local, and so cheap: a particle alone that comes near a wall loses half of its way in, exactly. Here a frame
-is as many steps as the solver's, each with one sweep that makes both pressures from the same look at the neighbours,
-and who is whose neighbour is that of the frame's middle.
+Fluids", 2017) first takes from velocities what makes density rise, then lets viscosity and gravity act, then takes
+what would make density too high at the step's end. It goes over all particles once for the former and two to six times
+for the latter (measured), so what it does in a step is local, and so cheap: a particle alone that comes near a wall
+loses half of its way in, exactly. Here a frame is as many steps as the solver's, each with one sweep that makes both
+pressures from the same look at the neighbours, and who is whose neighbour is that of the frame's middle.
 """
 
 from __future__ import annotations
