@@ -184,10 +184,13 @@ def ballistic(state: State, around: Surroundings) -> Tensor:
 
 
 def at_least_from(places: Tensor, last: Look) -> Tensor:
-    """How far the solid is off ``places`` (N, 3) at least, metres, by how far it was at the last look."""
+    """How far the solid is off ``places`` (N, 3) at least, metres, by how far it was at the last look.
+
+    A learned distance may exaggerate, so a way counts twice, as where :func:`native.within_reach` believes it half.
+    """
     with np.errstate(invalid="ignore"):  # from infinity to infinity: the step will refuse it
         gone = places.numpy() - last.places.numpy()
-    return torch.from_numpy(last.distance.numpy() - np.sqrt(np.einsum("ni,ni->n", gone, gone)))
+    return torch.from_numpy(last.distance.numpy() - 2 * np.sqrt(np.einsum("ni,ni->n", gone, gone)))
 
 
 def look_ahead(state: State, around: Surroundings, ahead: Tensor, distance: Tensor, normal: Tensor) -> LookAhead:
