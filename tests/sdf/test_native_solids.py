@@ -1,5 +1,7 @@
 """The distances in C++ against those in torch, which are tested against other geometry elsewhere."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 import torch
@@ -21,7 +23,14 @@ from surfsup.sdf import (
     Transformed,
     Union,
     axis_rotation,
+    load_deepsdf,
+    load_siren,
+    standing,
 )
+from surfsup.sdf.code_network import CodeNetwork, CodeSizes
+from surfsup.sdf.deepsdf import DeepSdfSurface
+from surfsup.sdf.sine_network import SineNetwork
+from surfsup.sdf.siren import SirenSurface
 from tests.sdf.solids import SHAPES, points_around
 
 pytestmark = pytest.mark.skipif(
@@ -39,6 +48,20 @@ def boxes(count: int = 7) -> Boxes:
     )
 
 
+def sines(width: int, layers: int) -> SirenSurface:
+    torch.manual_seed(width)
+    return SirenSurface(SineNetwork(width, layers, 5.0), torch.tensor([[-1.0] * 3, [1.0] * 3])).requires_grad_(False)
+
+
+def code(width: int, layers: int, octaves: int) -> DeepSdfSurface:
+    torch.manual_seed(width)
+    network = CodeNetwork(CodeSizes(width, layers, 5, octaves))
+    return DeepSdfSurface(network, torch.randn(5)).requires_grad_(False)
+
+
+CORAL = standing(load_siren(Path("coral")), 0.6)
+CHAIR = load_deepsdf(Path("chairs"))
+CHAIR = Transformed(CHAIR.surface(CHAIR.code("chair-0100")).with_lattice(), TURN, (0.1, 0.0, 0.2), 0.4)
 SOLIDS = {
     **{name: kind(**parameters) for name, (kind, parameters) in SHAPES.items()},
     "bowl": Bowl(0.3, 0.08),
@@ -51,6 +74,13 @@ SOLIDS = {
     "union": Union(Transformed(Sphere(0.3), None, (0.25, 0, 0)), Box((0.4, 0.4, 0.4)), Funnel(0.3, 0.1)),
     "intersection": Intersection(Sphere(0.3), Transformed(Box((0.5, 0.5, 0.5)), TURN, (0.1, 0, 0))),
     "difference": Difference(Cylinder(0.3, 0.6), Transformed(Sphere(0.2), None, (0.0, 0.0, 0.25))),
+    "sines": CORAL.surface,
+    "sines without a lattice, of channels that fit no vector": sines(37, 2),
+    "one layer of sines": sines(8, 1),
+    "sines far off": Transformed(sines(6, 1), TURN, (3.0, -2.0, 1.0), 2.0),
+    "a code": CHAIR,
+    "a code without octaves": code(18, 2, 0),
+    "a code without a lattice": Transformed(code(16, 5, 3), TURN, (0.2, -0.1, 0.3), 0.5),
     "nested": Union(Difference(Union(Sphere(0.3), Box((0.7, 0.2, 0.2))), Cylinder(0.1, 1.0)), boxes(3)),
 }
 every_solid = pytest.mark.parametrize("name", SOLIDS)
@@ -74,6 +104,29 @@ def test_distance_and_normal_are_those_of_torch(name):
     alike = (normal - expected_normal).abs().amax(dim=-1) < 1e-3
     assert alike.float().mean() > 0.998
     assert torch.linalg.vector_norm(normal, dim=-1).sub(1).abs().max() < 1e-5
+
+
+def test_where_networks_are_joined_the_normal_is_that_of_the_nearest():
+    parts = [Transformed(CORAL, TURN, (0.1, 0.2, 0.3), 1.2), Difference(Box((0.5, 0.6, 0.7)), CHAIR), CHAIR]
+    joined = Transformed(Union(*parts), TURN, (0.1, 0.0, 0.0), 0.5)
+    points = points_around(joined, 5000, dtype=torch.float32)
+    distance, normal = joined.distance_and_normal(points)
+    torch.testing.assert_close(distance, by_torch(joined, points)[0], atol=1e-6, rtol=0)
+    own = joined.to_own_frame(points)
+    looked = [part.distance_and_normal(own) for part in parts]
+    distances, normals = (torch.stack(values) for values in zip(*looked, strict=True))
+    nearest, second = distances.sort(dim=0).values[:2]
+    expected = normals[distances.argmin(dim=0), torch.arange(5000)] @ TURN.T
+    clear = second - nearest > 1e-5
+    assert clear.float().mean() > 0.9
+    torch.testing.assert_close(normal[clear], expected[clear], atol=1e-3, rtol=0)
+
+
+@every_solid
+def test_the_distance_alone_is_the_same(name):
+    surface = SOLIDS[name]
+    points = points_around(surface, 1300, dtype=torch.float32)
+    assert torch.equal(surface.distance_natively(points), surface.look_natively(points)[0])
 
 
 @every_solid
@@ -104,6 +157,58 @@ def test_a_shape_that_was_changed_is_seen_as_it_is_now():
     surface.surface.radius.fill_(0.4)
     surface.translation[0] = 0.1
     assert float(surface.distance_and_normal(point)[0]) == pytest.approx(0.5, abs=1e-6)
+
+
+def test_a_network_that_was_changed_is_seen_as_it_is_now():
+    for surface in (sines(16, 2), code(16, 3, 1)):
+        points = points_around(surface, 100, dtype=torch.float32)
+        before = surface.distance_and_normal(points)[0]
+        with torch.no_grad():
+            for value in (*surface.network.parameters(), *surface.buffers()):
+                value.mul_(1.1)
+        torch.testing.assert_close(
+            surface.distance_and_normal(points)[0], by_torch(surface, points)[0], atol=1e-5, rtol=0
+        )
+        assert not torch.allclose(surface.distance_and_normal(points)[0], before, atol=1e-3)
+
+
+def test_the_mesh_of_a_network_is_asked_where_all_is_to_be_exact():
+    surface = load_siren(Path("coral"))
+    surface.exact = True
+    assert surface.native_solid() is None
+    assert Transformed(surface).native_solid() is None
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"layers": []},
+        {"octaves": 1},
+        {"octaves": -1},
+        {"last": np.ones(4, np.float32)},
+        {"last_bias": np.ones(2, np.float32)},
+        {"layers": [(np.ones((5, 5), np.float32), np.ones((5, 3), np.float32), [], None)]},
+        {"layers": [(None, np.ones((5, 3), np.float32), [], None)] * 2},
+        {"layers": [(None, np.ones((5, 3), np.float32), [np.ones(4, np.float32)], None)]},
+        {"layers": [(None, np.ones((5, 3), np.float32), [], np.ones((5, 2), np.float32))]},
+        {"lattice": (np.ones((8, 4), np.float32), (0.0, 0.0, 0.0), 0.1, (2, 2, 3))},
+        {"lattice": (np.ones((8, 4), np.float32), (0.0, 0.0, 0.0), 0.1, (8, 1, 1))},
+    ],
+)
+def test_layers_that_do_not_fit_each_other_are_refused(wrong):
+    right = {
+        "layers": [(None, np.ones((5, 3), np.float32), [], None)],
+        "last": np.ones(5, np.float32),
+        "last_bias": np.ones(1, np.float32),
+        "code": None,
+        "frequency": 1.0,
+        "octaves": 0,
+        "lattice": None,
+        "near": 0.1,
+    }
+    native.Solid.of_network(**right)
+    with pytest.raises(ValueError):
+        native.Solid.of_network(**(right | wrong))
 
 
 def test_a_gradient_double_precision_and_unknown_solids_are_left_to_torch():

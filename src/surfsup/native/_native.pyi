@@ -147,7 +147,7 @@ class Triangles:
         """
 
 class Solid:
-    """A solid whose distance has a closed form; ``parts`` are copied."""
+    """A solid whose distance has a closed form or is known by a network; ``parts`` are copied."""
 
     def __init__(self, kind: str, numbers: list[float], parts: list[Solid]) -> None:
         """Check the kind and what it is made of.
@@ -156,8 +156,37 @@ class Solid:
             ValueError: there is no such kind, or it has other numbers or parts.
         """
 
-    def look(self, points: Vectors, distance: Values, normal: Vectors, threads: int) -> None:
-        """Write the signed distance (N,) and the unit normal (N, 3) of ``points`` (N, 3), all float32.
+    @staticmethod
+    def of_network(
+        *,
+        layers: list[tuple[Matrix | None, Matrix | None, list[Bias], Matrix | None]],
+        last: Values,
+        last_bias: Values,
+        code: Values | None,
+        frequency: float,
+        octaves: int,
+        lattice: tuple[np.ndarray, tuple[float, ...], float, tuple[int, ...]] | None,
+        near: float,
+    ) -> Solid:
+        """One that a network knows, in its own frame; all arrays are float32. Biases and what the code adds are copied.
+
+        Args:
+            layers: of each what the layer before is multiplied by (W, W), None in the first; what a place is (W, 3 + 6
+                octaves), in the first and where it comes in again; biases (W,); what the code is, (W, C).
+            last: (W,), what the last layer is multiplied by.
+            last_bias: (1,).
+            code: (C,).
+            frequency: of sines; 0 stands for rectified linear units.
+            octaves: of the sines and cosines of a place that come in beside it.
+            lattice: a table (X Y Z, 4) as of :class:`surfsup.sdf.lattice.Lattice`, its first node, cell, (X, Y, Z).
+            near: distance by the lattice up to which the network is asked.
+
+        Raises:
+            ValueError: they do not fit each other.
+        """
+
+    def look(self, points: Vectors, distance: Values, normal: Vectors | None, threads: int) -> None:
+        """Write the signed distance (N,) and, where wanted, the unit normal (N, 3) of ``points`` (N, 3), all float32.
 
         Raises:
             ValueError: sizes do not fit.

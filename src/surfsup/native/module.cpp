@@ -153,14 +153,79 @@ int64_t observe(HeldNetwork& held, Vectors positions, Vectors velocities, Vector
     return held.network.observe(fluid, {acts.data(), lie.data(), faster.data(), farther.data(), slope.data(), places.data()}, chosen, threads, most_edges);
 }
 
-void look(const surfsup::Solid& solid, Vectors points, NewValues distance, NewVectors normal, int threads) {
+// A network of a solid, and what keeps the memory of its weights and of its lattice.
+struct HeldField {
+    std::vector<Weight> weights;
+    std::vector<Values> last;
+    std::optional<Fours> table;
+    std::vector<surfsup::FieldLayer> layers;
+    std::vector<float> constants;  // of every layer, as they are when it is made
+    surfsup::Field field;
+};
+
+// Of a layer: what the one before is multiplied by, what is told of a place, biases, and what the code is multiplied by.
+using GivenLayer = std::tuple<std::optional<Weight>, std::optional<Weight>, std::vector<Values>, std::optional<Weight>>;
+using GivenLattice = std::tuple<Fours, std::array<float, 3>, float, std::array<int32_t, 3>>;
+
+surfsup::Lattice lattice_of(const std::optional<GivenLattice>& given) {
+    if (!given) return {};
+    const auto& [table, lower, cell, nodes] = *given;
+    if (std::min({nodes[0], nodes[1], nodes[2]}) < 2 ||
+        static_cast<uint64_t>(nodes[0]) * static_cast<uint64_t>(nodes[1]) * static_cast<uint64_t>(nodes[2]) != table.shape(0))
+        throw std::invalid_argument("the table is not that of a lattice of so many nodes");
+    return {table.data(), {lower[0], lower[1], lower[2]}, cell, {nodes[0], nodes[1], nodes[2]}};
+}
+
+// What a layer adds to its sums whatever the place is.
+std::vector<float> constants_of(const GivenLayer& layer, const std::optional<Values>& code, size_t width) {
+    const auto& [hidden, entering, biases, of_code] = layer;
+    std::vector<float> sums(width, 0.0f);
+    for (const Values& bias : biases) {
+        expect(bias.shape(0), width, "a bias");
+        for (size_t k = 0; k < width; ++k) sums[k] += bias.data()[k];
+    }
+    if (!of_code) return sums;
+    if (!code || of_code->shape(0) != width || of_code->shape(1) != code->shape(0)) throw std::invalid_argument("the code does not fit the layers");
+    for (size_t k = 0; k < width; ++k)
+        for (size_t c = 0; c < code->shape(0); ++c) sums[k] += of_code->data()[k * code->shape(0) + c] * code->data()[c];
+    return sums;
+}
+
+surfsup::Solid of_network(const std::vector<GivenLayer>& layers, Values last, Values last_bias, const std::optional<Values>& code,
+                          float frequency, int octaves, const std::optional<GivenLattice>& lattice, float near) {
+    const size_t width = last.shape(0);
+    expect(last_bias.shape(0), 1, "last_bias");
+    if (width == 0 || layers.empty() || octaves < 0 || octaves > 16) throw std::invalid_argument("a field has layers, and at most 16 octaves come in");
+    auto held = std::make_shared<HeldField>();
+    held->last = {last};
+    if (lattice) held->table = std::get<0>(*lattice);
+    for (const GivenLayer& layer : layers) {
+        const auto& [hidden, entering, biases, of_code] = layer;
+        const bool first = held->layers.empty();
+        if (hidden && (hidden->shape(0) != width || hidden->shape(1) != width)) throw std::invalid_argument("a layer is not of the field's width");
+        if (entering && (entering->shape(0) != width || entering->shape(1) != static_cast<size_t>(3 + 6 * octaves)))
+            throw std::invalid_argument("what enters a layer is not what is told of a place");
+        if (first ? hidden || !entering : !hidden) throw std::invalid_argument("into the first layer comes the place, into all others the layer before");
+        const std::vector<float> constants = constants_of(layer, code, width);
+        held->constants.insert(held->constants.end(), constants.begin(), constants.end());
+        held->layers.push_back({hidden ? hidden->data() : nullptr, entering ? entering->data() : nullptr, nullptr});
+        if (hidden) held->weights.push_back(*hidden);
+        if (entering) held->weights.push_back(*entering);
+    }
+    for (size_t k = 0; k < layers.size(); ++k) held->layers[k].bias = held->constants.data() + k * width;
+    held->field = {held->layers.data(), static_cast<int>(layers.size()), static_cast<int>(width), octaves, frequency,
+                   last.data(), last_bias.data()[0], lattice_of(lattice), near};
+    return surfsup::Solid(std::shared_ptr<const surfsup::Field>(held, &held->field));
+}
+
+void look(const surfsup::Solid& solid, Vectors points, NewValues distance, std::optional<NewVectors> normal, int threads) {
     const size_t count = points.shape(0);
     if (count > static_cast<size_t>(std::numeric_limits<int32_t>::max() - 4096))
         throw std::invalid_argument("there are more points than a native solid can count");
     expect(distance.shape(0), count, "distance");
-    expect(normal.shape(0), count, "normal");
+    if (normal) expect(normal->shape(0), count, "normal");
     const nb::gil_scoped_release unlocked;
-    solid.look(points.data(), static_cast<int32_t>(count), distance.data(), normal.data(), threads);
+    solid.look(points.data(), static_cast<int32_t>(count), distance.data(), normal ? normal->data() : nullptr, threads);
 }
 
 surfsup::Sparse sparse(const Starts& starts, const Indices& senders, const Kernels& kernels) {
@@ -349,7 +414,9 @@ NB_MODULE(_native, module) {
     nb::class_<surfsup::Solid>(module, "Solid")
         .def(nb::init<const std::string&, const std::vector<float>&, const std::vector<const surfsup::Solid*>&>(), "kind"_a,
              "numbers"_a, "parts"_a)
-        .def("look", look, array("points"), array("distance"), array("normal"), "threads"_a);
+        .def_static("of_network", of_network, nb::kw_only(), "layers"_a, array("last"), array("last_bias"), array("code").none(),
+                    "frequency"_a, "octaves"_a, "lattice"_a.none(), "near"_a)
+        .def("look", look, array("points"), array("distance"), array("normal").none(), "threads"_a);
     nb::class_<HeldNetwork>(module, "Network")
         .def("__init__", make, nb::kw_only(), array("encoder"), array("factors"), array("layers"), array("decoder"),
              "solids"_a, "radius"_a, "frame_time"_a, "displacement_scale"_a, "velocity_scale"_a, "slope_scale"_a,

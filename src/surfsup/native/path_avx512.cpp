@@ -5,6 +5,7 @@
 #include "network_path.hpp"
 #include "convolution_path.hpp"
 #include "solid_path.hpp"
+#include "field_path.hpp"
 
 namespace surfsup {
 #if defined(__AVX512F__)
@@ -16,5 +17,5 @@ static bool supported() {
 static bool supported() { return false; }  // not a processor of that kind at all
 #endif
 const Path avx512 = {"avx512", supported, PATH::ROWS, PATH::scratch, PATH::look, PATH::approach, PATH::leave, PATH::encode, PATH::layer, PATH::finish,
-                     PATH::convolve, PATH::convolve_back, PATH::weigh, PATH::within, sizeof(PATH::Search), PATH::distance};
+                     PATH::convolve, PATH::convolve_back, PATH::weigh, PATH::within, sizeof(PATH::Search), PATH::distance, PATH::ask_field, PATH::field_scratch};
 }  // namespace surfsup

@@ -1,26 +1,53 @@
-// Solids made of those whose distance has a closed form; the same forms as in surfsup/sdf, and tested against them.
+// Solids made of those whose distance has a closed form or is known by a network; the same forms as in surfsup/sdf, and
+// tested against them.
 #pragma once
 
 #include <cstdint>
+#include <memory>
 #include <string>
 #include <vector>
 
+#include "aligned.hpp"
+#include "field.hpp"
+#include "frame.hpp"
 #include "tree.hpp"
 
 namespace surfsup {
+
+// How a part lies in the whole: scaled, then turned by `rotation` (row by row), then moved.
+struct Similarity {
+    float rotation[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1}, move[3] = {0, 0, 0}, scale = 1;
+};
 
 class Solid {
 public:
     // Throws std::invalid_argument where there is no such kind, or it is made of other things.
     Solid(const std::string& kind, const std::vector<float>& numbers, const std::vector<const Solid*>& parts);
 
-    // Distance (count) and unit normal (count, 3) of points (count, 3).
+    // One that a network knows, in the network's own frame; what it points to lives as long as the pointer is held.
+    explicit Solid(std::shared_ptr<const Field> field);
+
+    // Distance (count) and unit normal (count, 3), unless that is null, of points (count, 3).
     void look(const float* points, int32_t count, float* distance, float* normal, int threads) const;
 
 private:
+    struct Asked {
+        std::shared_ptr<const Field> field;
+        Similarity lies;
+    };
+    // What a thread asks networks with.
+    struct Asking {
+        AlignedFloats own, rows, scratch;
+        std::vector<int32_t> near;
+        std::vector<FieldValues> told;
+    };
+    void make_room(const Path& path, int32_t points, Asking& asking) const;
+    const FieldValues* ask(const Path& path, const float* points, int32_t count, bool with_gradient, Asking& asking) const;
+
     std::vector<Node> nodes_;
     std::vector<float> numbers_;
     std::vector<int32_t> parts_;
+    std::vector<Asked> asked_;
 };
 
 }  // namespace surfsup

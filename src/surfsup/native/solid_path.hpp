@@ -57,6 +57,7 @@ inline Dual length(const Dual& a, const Dual& b) { return length(a, b, constant(
 
 struct Point {
     Floats x, y, z;
+    int32_t first;  // of so many lanes, among all that are looked at
 };
 
 inline Dual along_x(const Point& p) { return {p.x, splat(1.0f), Floats{}, Floats{}}; }
@@ -131,7 +132,7 @@ inline Point turned_back(const Point& p, const float* rotation, const float* mov
     const float inverse = 1.0f / scale;
     return {(x * rotation[0] + y * rotation[3] + z * rotation[6]) * inverse,
             (x * rotation[1] + y * rotation[4] + z * rotation[7]) * inverse,
-            (x * rotation[2] + y * rotation[5] + z * rotation[8]) * inverse};
+            (x * rotation[2] + y * rotation[5] + z * rotation[8]) * inverse, p.first};
 }
 
 inline Dual turned(const Dual& d, const float* rotation, float scale) {
@@ -152,6 +153,13 @@ Dual distance_of(const Tree& tree, int32_t place, const Point& p) {
         case Kind::torus: return torus(p, n[0], n[1]);
         case Kind::bowl: return bowl(p, n[0], n[1], n[2]);
         case Kind::funnel: return funnel(p, n[0], n[1], n[2], n[3], n[4]);
+        case Kind::asked: {
+            const FieldValues& told = tree.told[node.parts];
+            const float* row = told.rows + p.first;
+            if (!told.with_gradient) return {load(row), Floats{}, Floats{}, Floats{}};
+            const int64_t room = told.room;
+            return {load(row), load(row + room), load(row + 2 * room), load(row + 3 * room)};
+        }
         case Kind::transformed:  // rotation, translation, scale
             return turned(distance_of(tree, parts[0], turned_back(p, n, n + 9, n[12])), n, n[12]);
         case Kind::boxes: {  // size, rotation, centre of each; of equally near ones the first
@@ -177,14 +185,14 @@ Dual distance_of(const Tree& tree, int32_t place, const Point& p) {
     return constant(__builtin_nanf(""));
 }
 
-void distance(const Tree& tree, const float* points, int32_t begin, int32_t end, float* to_distance, float* to_normal) {
-    for (int32_t first = begin; first < end; first += LANES) {
-        const int here = end - first < LANES ? end - first : LANES;
+void distance(const Tree& tree, const float* points, int32_t count, float* to_distance, float* to_normal) {
+    for (int32_t first = 0; first < count; first += LANES) {
+        const int here = count - first < LANES ? count - first : LANES;
         float places[3][LANES], told[4][LANES];
         for (int lane = 0; lane < LANES; ++lane)
             for (int axis = 0; axis < 3; ++axis)
                 places[axis][lane] = points[3 * static_cast<int64_t>(first + (lane < here ? lane : 0)) + axis];
-        const Point p = {load(places[0]), load(places[1]), load(places[2])};
+        const Point p = {load(places[0]), load(places[1]), load(places[2]), first};
         const Dual found = distance_of(tree, tree.root, p);
         const Floats squared = found.x * found.x + found.y * found.y + found.z * found.z;
         const Floats inverse = 1.0f / at_least(square_root(squared), 1e-12f);
@@ -197,6 +205,7 @@ void distance(const Tree& tree, const float* points, int32_t begin, int32_t end,
         for (int lane = 0; lane < here; ++lane) {
             const int64_t at = first + lane;
             to_distance[at] = told[0][lane];
+            if (!to_normal) continue;
             for (int axis = 0; axis < 3; ++axis) to_normal[3 * at + axis] = told[1 + axis][lane];
         }
     }

@@ -3,15 +3,17 @@
 
 #include <cstdint>
 
+#include "field.hpp"
+
 namespace surfsup {
 
-enum class Kind : int32_t { sphere, box, cylinder, cone, torus, bowl, funnel, boxes, transformed, join, meet, difference };
+enum class Kind : int32_t { sphere, box, cylinder, cone, torus, bowl, funnel, boxes, asked, transformed, join, meet, difference };
 
 // One solid in a list in which every part stands before what it is part of.
 struct Node {
     Kind kind;
     int32_t numbers, count;      // where its numbers begin, and how many
-    int32_t parts, part_count;   // where the places of its parts begin, and how many
+    int32_t parts, part_count;   // where the places of its parts begin, and how many; of what is asked its own number
 };
 
 struct Tree {
@@ -19,6 +21,7 @@ struct Tree {
     const float* numbers;
     const int32_t* parts;
     int32_t root;
+    const FieldValues* told;     // by each network about these points, in its own frame
 };
 
 // Neighbours as torch keeps them: the edges of particle i are starts[i] up to starts[i + 1], four kernels an edge.

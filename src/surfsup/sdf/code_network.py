@@ -53,6 +53,25 @@ class CodeNetwork(nn.Module):
             nn.init.kaiming_normal_(layer.weight, nonlinearity="relu")
             nn.init.zeros_(layer.bias)
 
+    def native_layers(self, code: Tensor) -> dict[str, object]:
+        """What :meth:`surfsup.native.Solid.of_network` takes of the shape of ``code`` (C,), weights not copied."""
+        layers: list[list[object]] = [[None, None, [], None] for _ in range(self.sizes.layers)]
+        for layer, linear in zip(layers[1:], self.hidden, strict=True):
+            layer[0] = linear.weight.detach().numpy()
+            layer[2] = [linear.bias.detach().numpy()]
+        for number, of_place, of_code in zip(self.entries, self.of_place, self.of_code, strict=True):
+            layers[number][1] = of_place.weight.detach().numpy()
+            layers[number][2] += [of_place.bias.detach().numpy()]
+            layers[number][3] = of_code.weight.detach().numpy()
+        return {
+            "layers": [tuple(layer) for layer in layers],
+            "last": self.last.weight.detach().numpy()[0],
+            "last_bias": self.last.bias.detach().numpy(),
+            "code": code.detach().numpy(),
+            "frequency": 0.0,
+            "octaves": self.sizes.octaves,
+        }
+
     def value(self, points: Tensor, codes: Tensor) -> Tensor:
         """F (S, N) at ``points`` (S, N, 3) of S shapes of ``codes`` (S, C)."""
         seen = self.features(points)

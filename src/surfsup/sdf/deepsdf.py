@@ -52,6 +52,10 @@ class DeepSdfSurface(NeuralSurface):
         code = self.code[None]
         return torch.cat([self.network.value(part[None], code)[0] for part in points.split(CHUNK)])
 
+    def native_layers(self) -> dict[str, object]:
+        """The layers for :meth:`surfsup.native.Solid.of_network`."""
+        return self.network.native_layers(self.code)
+
 
 class DeepSdf(nn.Module):
     """A network and the codes of the shapes that it was fitted to.

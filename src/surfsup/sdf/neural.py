@@ -12,6 +12,7 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
+from surfsup import native
 from surfsup.sdf.lattice import Lattice
 from surfsup.sdf.mesh import MeshSurface
 from surfsup.sdf.polygonise import polygonise
@@ -63,6 +64,9 @@ class NeuralSurface(Surface):
         """Signed distance (N,), by the network near the surface and by the lattice beyond."""
         if self.exact:
             return self.exact_surface().distance(points)
+        found = self.distance_natively(points)
+        if found is not None:
+            return found
         if self.is_recording(points):
             return self.look_at_distance(points)
         with threads_for(points):
@@ -83,6 +87,9 @@ class NeuralSurface(Surface):
         """Signed distance (N,) and unit normal (N, 3) in one pass, both differentiable."""
         if self.exact:
             return self.exact_surface().distance_and_normal(points)
+        found = self.look_natively(points)
+        if found is not None:
+            return found
         if self.is_recording(points):
             return self.look(points)
         with torch.no_grad(), threads_for(points):
@@ -100,6 +107,18 @@ class NeuralSurface(Surface):
                 value, slope = self.field(single[near])
                 distance, gradient = distance.index_copy(0, near, value), gradient.index_copy(0, near, slope)
         return distance.to(points.dtype), nn.functional.normalize(gradient, dim=-1).to(points.dtype)
+
+    def native_solid(self) -> native.Solid | None:
+        """The same in C++, unless the mesh is asked for every point or nothing is known of the layers."""
+        layers = self.native_layers()
+        if self.exact or layers is None:
+            return None
+        lattice = None if self.lattice is None else self.lattice.native()
+        return native.Solid.of_network(**layers, lattice=lattice, near=NEAR)
+
+    def native_layers(self) -> dict[str, object] | None:
+        """The layers as :meth:`native.Solid.of_network` takes them; None where they are none of those it knows."""
+        return None
 
     def bounds(self) -> Tensor:
         """The box around the solid (2, 3)."""

@@ -44,6 +44,23 @@ class SineNetwork(nn.Module):
         self.last = nn.Parameter(torch.empty(width).uniform_(-bound, bound))
         self.last_bias = nn.Parameter(torch.zeros(1))
 
+    def native_layers(self) -> dict[str, object]:
+        """What :meth:`surfsup.native.Solid.of_network` takes of a network, whose weights it shares."""
+        first, *hidden = (weight.detach().numpy() for weight in self.weights)
+        first_bias, *biases = (bias.detach().numpy() for bias in self.biases)
+        layers = [(None, first, [first_bias], None)]
+        layers += [(weight, None, [bias], None) for weight, bias in zip(hidden, biases, strict=True)]
+        last, last_bias = self.last.detach().numpy(), self.last_bias.detach().numpy()
+        frequency = self.frequency
+        return {
+            "layers": layers,
+            "last": last,
+            "last_bias": last_bias,
+            "code": None,
+            "frequency": frequency,
+            "octaves": 0,
+        }
+
     def value(self, points: Tensor) -> Tensor:
         """F (N,) at ``points`` (N, 3)."""
         hidden = points

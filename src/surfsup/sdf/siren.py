@@ -87,6 +87,10 @@ class SirenSurface(NeuralSurface):
         """The network's value (N,)."""
         return torch.cat([self.network.value(part) for part in points.split(CHUNK)])
 
+    def native_layers(self) -> dict[str, object]:
+        """The layers for :meth:`surfsup.native.Solid.of_network`."""
+        return self.network.native_layers()
+
     def in_own_unit(self) -> Surface:
         """The solid where the mesh or the cloud was that it was fitted to, in that one's unit."""
         return Transformed(self, None, self.cube.centre, 1 / self.cube.scale)

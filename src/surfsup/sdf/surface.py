@@ -54,9 +54,7 @@ class Surface(nn.Module, ABC):
         None where that is not built, does not know the solid, or a gradient, another device or another precision
         is asked for.
         """
-        if points.dtype != torch.float32 or points.device.type != "cpu" or not native.paths():
-            return None
-        solid = None if self.is_recording(points) else self.native_solid()
+        solid = self.native_solid_for(points)
         if solid is None:
             return None
         points = points.detach().contiguous()
@@ -64,8 +62,24 @@ class Surface(nn.Module, ABC):
         solid.look(points.numpy(), distance.numpy(), normal.numpy(), torch.get_num_threads())
         return distance, normal
 
+    def distance_natively(self, points: Tensor) -> Tensor | None:
+        """Distance (N,) in C++; None as of :meth:`look_natively`."""
+        solid = self.native_solid_for(points)
+        if solid is None:
+            return None
+        points = points.detach().contiguous()
+        distance = points.new_empty(len(points))
+        solid.look(points.numpy(), distance.numpy(), None, torch.get_num_threads())
+        return distance
+
+    def native_solid_for(self, points: Tensor) -> native.Solid | None:
+        """The native solid, where it may be asked about ``points``."""
+        if points.dtype != torch.float32 or points.device.type != "cpu" or not native.paths():
+            return None
+        return None if self.is_recording(points) else self.native_solid()
+
     def native_solid(self) -> native.Solid | None:
-        """The solid as it is now, in C++; None for those that have no closed form."""
+        """The solid as it is now, in C++; None for those that have neither a closed form nor a network."""
         return None
 
     def is_recording(self, points: Tensor) -> bool:
