@@ -13,7 +13,7 @@ from surfsup.errors import SimulationError
 from surfsup.model import weights
 from surfsup.model.features import DISPLACEMENT_SCALE
 from surfsup.model.guard import CLEARANCE
-from surfsup.model.native_step import NativeStep, at_least_from, ballistic
+from surfsup.model.native_step import NativeStep, ballistic
 from surfsup.model.simulator import Architecture, Simulator
 from surfsup.model.solid_map import SolidMap
 from surfsup.model.state import FRAME_TIME, State, Surroundings
@@ -322,19 +322,51 @@ def test_the_solid_is_asked_again_only_by_those_that_may_be_near_and_is_never_ne
     place, asked = around(BALL), []
 
     class Asked(Transformed):
+        def native_solid(self) -> None:
+            return None
+
         def distance(self, points: torch.Tensor) -> torch.Tensor:
             asked.append(len(points))
             return super().distance(points)
+
+        def distance_and_normal(self, points: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+            return BALL.distance_and_normal(points)  # so asks the guard
 
     watched = replace(place, surface=Asked(Sphere(0.3), None, (0.0, 0.0, 0.3)))
     simulator, states = fallen(15, watched)
     assert asked[0] == 60 and 0 < sum(asked[1:15]) < 0.8 * 14 * 60
     for state in states:
         ahead = ballistic(state, watched)
-        last = simulator.native.look_again(ahead, watched)
-        told, exact = at_least_from(ahead, last), BALL.distance(ahead)
+        _, told = simulator.native.look_again(ahead, watched)
+        exact = BALL.distance(ahead)
         assert (told <= exact + 1e-6).all()
         assert torch.equal(told[exact < CLEARANCE], exact[exact < CLEARANCE])
+
+
+def test_a_solid_in_cpp_is_asked_as_one_in_python_is():
+    class InPython(Transformed):
+        def native_solid(self) -> None:
+            return None
+
+    place = around(BALL)
+    _, states = fallen(15, place)
+    _, others = fallen(15, replace(place, surface=InPython(Sphere(0.3), None, (0.0, 0.0, 0.3))))
+    for state, other in zip(states, others, strict=True):
+        torch.testing.assert_close(state.positions, other.positions, atol=1e-5, rtol=0)
+        torch.testing.assert_close(state.velocities, other.velocities, atol=1e-3, rtol=0)
+
+
+def test_an_error_of_a_solid_in_python_comes_through():
+    class Broken(Transformed):
+        def native_solid(self) -> None:
+            return None
+
+        def distance(self, points: torch.Tensor) -> torch.Tensor:
+            raise RuntimeError("the solid is broken")
+
+    place = replace(around(BALL), surface=Broken(Sphere(0.3)))
+    with torch.no_grad(), pytest.raises(RuntimeError, match="the solid is broken"):
+        model(layers=1).step(stirred(60), place)
 
 
 def test_a_step_does_not_depend_on_the_steps_before():

@@ -100,35 +100,28 @@ def can_guard_natively(positions: Tensor, velocities: Tensor, around: Surroundin
 def guard_natively(
     before: Tensor, positions: Tensor, velocities: Tensor, around: Surroundings, last: Look | None
 ) -> Guarded:
-    """The same by native parts and NumPy, none of which needs a second thread.
+    """The same in C++, where only whoever has to be asked about the solid may need a second thread.
 
     Torch's threads wait for each other after each of its many small steps; where others compute beside them that took
     longer than the network.
     """
-    fluid = (
-        *(value.detach().numpy().copy() for value in (positions, velocities)),
-        np.empty(len(positions), dtype=bool),
-    )
-    guarded = Guarded(*(torch.from_numpy(value) for value in fluid))
+    fluid = [value.detach().numpy().copy() for value in (positions, velocities)] + [np.empty(len(positions), bool)]
     walls = (around.lower.numpy() + CLEARANCE, around.upper.numpy() - CLEARANCE)
-    native.contain(*fluid, *walls)
-    if around.surface is None:
-        return guarded
-    if last is None:
-        at = np.arange(len(positions))
-    else:
-        looked = (last.places.detach().contiguous().numpy(), last.distance.detach().contiguous().numpy())
-        at = native.within_reach(fluid[0], *looked, CLEARANCE)
-    for _ in range(ROUNDS):
-        distance, normal = around.distance_and_normal(torch.from_numpy(fluid[0][at]))
-        told = (distance.float().numpy(), normal.float().contiguous().numpy())
-        at = native.push(*fluid, at, *told, *walls, CLEARANCE, TOLERANCE)
-        if not len(at):
-            return guarded
-    stuck = at[around.distance_and_normal(torch.from_numpy(fluid[0][at]))[0].numpy() < 0]
-    fluid[0][stuck] = before.detach().numpy()[stuck]
-    fluid[1][stuck] = 0.0
-    return guarded
+    looked = None
+    if last is not None:
+        looked = tuple(value.detach().contiguous().numpy() for value in (last.places, last.distance))
+    native.guard(
+        before.detach().contiguous().numpy(),
+        *fluid,
+        *walls,
+        clearance=CLEARANCE,
+        tolerance=TOLERANCE,
+        rounds=ROUNDS,
+        solid=around.asked(),
+        last=looked,
+        threads=torch.get_num_threads(),
+    )
+    return Guarded(*(torch.from_numpy(value) for value in fluid))
 
 
 def within_reach(positions: Tensor, last: Look | None) -> Tensor:

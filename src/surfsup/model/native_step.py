@@ -118,27 +118,30 @@ class NativeStep:
             distance, normal = around.distance_and_normal(ahead)
             last = Look(ahead, distance.float())
         else:
-            last = self.look_again(ahead, around)
-            distance, normal = at_least_from(ahead, last), torch.zeros_like(ahead)
+            last, distance = self.look_again(ahead, around)
+            normal = torch.zeros_like(ahead)
         seen = look_ahead(state, around, ahead, distance, normal)
         positions, velocities = np.empty_like(seen.speeds), np.empty_like(seen.speeds)
         self._run(simulator, self.network_of(simulator).step, seen, (positions, velocities))
         return torch.from_numpy(positions), torch.from_numpy(velocities), last
 
-    def look_again(self, ahead: Tensor, around: Surroundings) -> Look:
-        """From where each particle looked at the solid last: from ``ahead`` (N, 3) those that may be near it there.
+    def look_again(self, ahead: Tensor, around: Surroundings) -> tuple[Look, Tensor]:
+        """From where each particle looked at the solid last, and how far that is off (N,) at least, metres.
 
-        The rule feels the solid by its map; how far off it is exactly only the guard has to know, of what comes near.
+        From ``ahead`` (N, 3) only those look that may be near it there: the rule feels the solid by its map; how far
+        off it is exactly only the guard has to know, of what comes near. A learned distance may exaggerate, so a way
+        counts twice.
         """
         before = self.looked
         if before is None or before[0] is not around or len(before[1].places) != len(ahead):
-            places, distance = ahead, around.surface.distance(ahead).float()
+            places, distance = ahead.clone(), torch.zeros(len(ahead))  # so near that all of them look
         else:
             places, distance = before[1].places.clone(), before[1].distance.clone()
-            at = torch.from_numpy(native.within_reach(ahead.numpy(), places.numpy(), distance.numpy(), CLEARANCE))
-            places[at], distance[at] = ahead[at], around.surface.distance(ahead[at]).float()
+        at_least = torch.empty(len(ahead))
+        written = (value.numpy() for value in (places, distance, at_least))
+        native.look_again(ahead.numpy(), around.asked(), CLEARANCE, *written, torch.get_num_threads())
         self.looked = around, Look(places, distance)
-        return self.looked[1]
+        return self.looked[1], at_least
 
     @torch.no_grad()
     def observe(self, simulator: Simulator, state: State, around: Surroundings) -> tuple[LookAhead, Features]:
@@ -178,19 +181,11 @@ class NativeStep:
 
 def ballistic(state: State, around: Surroundings) -> Tensor:
     """Where ballistic motion would lead (N, 3), metres."""
-    places, speeds = state.positions.contiguous().numpy(), state.velocities.contiguous().numpy()
-    # In NumPy: torch's threads would wait for each other at every one of such small steps.
-    return torch.from_numpy(places + np.float32(FRAME_TIME) * speeds + free_fall_drop(around.gravity).numpy())
-
-
-def at_least_from(places: Tensor, last: Look) -> Tensor:
-    """How far the solid is off ``places`` (N, 3) at least, metres, by how far it was at the last look.
-
-    A learned distance may exaggerate, so a way counts twice, as where :func:`native.within_reach` believes it half.
-    """
-    with np.errstate(invalid="ignore"):  # from infinity to infinity: the step will refuse it
-        gone = places.numpy() - last.places.numpy()
-    return torch.from_numpy(last.distance.numpy() - 2 * np.sqrt(np.einsum("ni,ni->n", gone, gone)))
+    places, speeds = state.positions.contiguous(), state.velocities.contiguous()
+    ahead = torch.empty_like(places)
+    drop = free_fall_drop(around.gravity)
+    native.fall(places.numpy(), speeds.numpy(), FRAME_TIME, drop.numpy(), ahead.numpy())
+    return ahead
 
 
 def look_ahead(state: State, around: Surroundings, ahead: Tensor, distance: Tensor, normal: Tensor) -> LookAhead:

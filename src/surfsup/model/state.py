@@ -5,12 +5,16 @@ Of the past it knows nothing: the reference solver, started anew from places and
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from copy import deepcopy
 from dataclasses import dataclass, replace
+from functools import cached_property
 
+import numpy as np
 import torch
 from torch import Tensor
 
+from surfsup import native
 from surfsup.model.solid_map import SolidMap
 from surfsup.scene import FRAME_TIME, Scene
 from surfsup.sdf import Surface, Transformed
@@ -100,6 +104,26 @@ class Surroundings:
             matrix @ self.gravity,
             None if self.felt is None else self.felt.turned(matrix),
         )
+
+    def asked(self) -> native.Solid | Callable[..., None] | None:
+        """Whom the native code asks for distances: the solid in C++ or, where it has none, :meth:`write_look`."""
+        if self.surface is None:
+            return None
+        # Where there is no map the solid's shape may change from one time to the next.
+        return (self.surface.native_solid() if self.felt is None else self.native_solid) or self.write_look
+
+    @cached_property
+    def native_solid(self) -> native.Solid | None:
+        """The solid in C++, as it was when this was first asked for."""
+        return None if self.surface is None else self.surface.native_solid()
+
+    def write_look(self, points: np.ndarray, distance: np.ndarray, normal: np.ndarray | None) -> None:
+        """Write distance (N,) and, unless that is None, unit normal (N, 3) of the solid from ``points`` (N, 3)."""
+        if normal is None:
+            distance[:] = self.surface.distance(torch.from_numpy(points)).numpy()
+            return
+        looked = self.surface.distance_and_normal(torch.from_numpy(points))
+        distance[:], normal[:] = (value.numpy() for value in looked)
 
     def records_gradients(self) -> bool:
         """Whether any parameter of the solid wants a gradient."""

@@ -13,17 +13,17 @@ if TYPE_CHECKING:
         Solid,
         SolidMap,
         Triangles,
-        contain,
         convolve,
         convolve_back,
         energy_gain,
+        fall,
         find_pairs,
+        guard,
+        look_again,
         paths,
-        push,
         sample,
         sum_fours,
         sum_fours_back,
-        within_reach,
     )
 else:
     try:
@@ -32,22 +32,22 @@ else:
             Solid,
             SolidMap,
             Triangles,
-            contain,
             convolve,
             convolve_back,
             energy_gain,
+            fall,
             find_pairs,
+            guard,
+            look_again,
             paths,
-            push,
             sample,
             sum_fours,
             sum_fours_back,
-            within_reach,
         )
     except ImportError:  # the package was installed without a compiler
         Network = Solid = SolidMap = Triangles = None
-        contain = convolve = convolve_back = energy_gain = find_pairs = push = None
-        sample = sum_fours = sum_fours_back = within_reach = None
+        convolve = convolve_back = energy_gain = fall = find_pairs = guard = None
+        look_again = sample = sum_fours = sum_fours_back = None
 
         def paths() -> list[str]:
             """No instruction set: nothing is native."""
@@ -59,15 +59,15 @@ __all__ = [
     "Solid",
     "SolidMap",
     "Triangles",
-    "contain",
     "convolve",
     "convolve_back",
     "energy_gain",
+    "fall",
     "find_pairs",
+    "guard",
+    "look_again",
     "paths",
-    "push",
     "sample",
     "sum_fours",
     "sum_fours_back",
-    "within_reach",
 ]

@@ -1,8 +1,13 @@
 """What module.cpp shows; matrices are as torch keeps them, a row an output."""
 
+from collections.abc import Callable
+from typing import TypeAlias
+
 import numpy as np
 
 Matrix = Bias = Vectors = Values = Vector = np.ndarray
+# A solid, or who writes the distance (N,) and, unless that is None, the unit normal (N, 3) of points (N, 3).
+Asked: TypeAlias = "Solid | Callable[[Vectors, Values, Vectors | None], None]"
 
 def paths() -> list[str]:
     """Instruction sets that this processor has and the step is compiled for, the fastest first."""
@@ -19,35 +24,60 @@ def find_pairs(
         MemoryError: they do not fit into memory.
     """
 
-def contain(positions: Vectors, velocities: Vectors, moved: np.ndarray, lower: Vector, upper: Vector) -> None:
-    """Bring particles (N, 3) between ``lower`` and ``upper``, in place; mark whom that moved in ``moved`` (N,)."""
-
 def energy_gain(
     positions: Vectors, velocities: Vectors, new_positions: Vectors, new_velocities: Vectors, gravity: Vector
 ) -> float:
     """How much mechanical energy a step adds, mean J/kg; all but ``gravity`` (3,) are (N, 3)."""
 
-def within_reach(positions: Vectors, places: Vectors, distance: Values, clearance: float) -> np.ndarray:
-    """The particles, int64, that may be nearer than ``clearance`` to the solid.
+def fall(positions: Vectors, velocities: Vectors, time: float, drop: Vector, ahead: Vectors) -> None:
+    """Write where ballistic motion leads (N, 3) in ``time`` seconds, in which particles fall by ``drop`` (3,)."""
 
-    They were ``distance`` (N,) from it at ``places``; a distance is believed half.
+def look_again(
+    ahead: Vectors,
+    solid: Asked,
+    clearance: float,
+    places: Vectors,
+    distance: Values,
+    at_least: Values,
+    threads: int,
+) -> None:
+    """Ask about those particles that, now ``ahead`` (N, 3), may be nearer than ``clearance`` to the solid.
+
+    They were ``distance`` (N,) from it at ``places`` (N, 3), where a distance is believed half. Both become, in place,
+    those of now for whom it asks about. ``at_least`` (N,) is written: how far the solid is off ``ahead``, or farther.
+
+    Raises:
+        ValueError: sizes do not fit, or there is no solid.
     """
 
-def push(
+def guard(
+    before: Vectors,
     positions: Vectors,
     velocities: Vectors,
     moved: np.ndarray,
-    at: np.ndarray,
-    distance: Values,
-    normal: Vectors,
     lower: Vector,
     upper: Vector,
     clearance: float,
     tolerance: float,
-) -> np.ndarray:
-    """Push those of the particles ``at`` (K,) that are nearer than ``clearance`` out along the normal, in place.
+    rounds: int,
+    solid: Asked | None,
+    last: tuple[Vectors, Values] | None,
+    threads: int,
+) -> None:
+    """The guard, see :func:`surfsup.model.guard.guard`, in place; mark whom it ``moved`` (N,).
 
-    ``distance`` (K,) and ``normal`` (K, 3) are those of ``at``. Returns who was pushed, int64.
+    Args:
+        before: (N, 3) one frame earlier.
+        positions, velocities: (N, 3).
+        lower, upper: (3,), between which particles may be.
+        clearance: from the solid that they get.
+        tolerance: short of it that they may stay.
+        rounds: of pushes, at most.
+        solid: whom to ask.
+        last: as ``places`` and ``distance`` of :func:`look_again`; without it all are looked at.
+
+    Raises:
+        ValueError: sizes do not fit.
     """
 
 def convolve(

@@ -1,25 +1,34 @@
-// What every step is held to. What the guard does to every particle: see guard.py, which asks for the distances.
+// What happens to every particle besides the step itself: its free fall, the look at the solid, the guard, the account of
+// energy. Of all arrays, those of particles are (count, 3); positions in metres, velocities in m/s.
 #pragma once
 
 #include <cstdint>
-#include <vector>
+#include <functional>
 
 namespace surfsup {
 
-// Of all arrays below, those of particles are (count, 3); positions in metres, velocities in m/s.
+// Asks a solid for the distance (count) and unit normal (count, 3), unless that is null, of points (count, 3), which belong to
+// whoever asks: torch takes nothing that may not be written.
+using Ask = std::function<void(float* points, int32_t count, float* distance, float* normal)>;
 
-// Brings particles between `lower` and `upper` and takes away what of their velocity points out; marks whom it moved.
-void contain(float* positions, float* velocities, bool* moved, int64_t count, const float* lower, const float* upper);
+// How close to solid and walls a particle may come.
+struct Clearance {
+    const float *lower, *upper;  // corners for a particle's middle
+    float metres, tolerance;     // from the solid, and how short of it a particle may stay
+    int rounds;                  // pushes at most
+};
 
-// Pushes the particles `at` that are short of `clearance` by more than `tolerance` out along the normal, takes away what
-// of their velocity points in, contains them, marks them. `distance` and `normal` are those of `at`. Returns who that was.
-std::vector<int64_t> push(float* positions, float* velocities, bool* moved, const int64_t* at, int64_t size,
-                          const float* distance, const float* normal, const float* lower, const float* upper,
-                          float clearance, float tolerance);
+// Where ballistic motion would lead: so far by its velocity in `time`, and by `drop` (3) in its fall.
+void fall(const float* positions, const float* velocities, int64_t count, float time, const float* drop, float* ahead);
 
-// The particles that may be nearer than `clearance` to the solid, `distance` (count) from it as they were at `places`.
-std::vector<int64_t> within_reach(const float* positions, const float* places, const float* distance, int64_t count,
-                                  float clearance);
+// Asks about those particles that, now `ahead`, may be nearer than `clearance` to the solid, having been `distance` (count)
+// from it at `places`; both become those of now. `at_least` (count): how far the solid is off `ahead`, or farther.
+void look_again(const float* ahead, int32_t count, float clearance, const Ask& ask, float* places, float* distance, float* at_least);
+
+// The guard, see guard.py; in place, and marks whom it `moved` (count). `ask` may be empty; so may `places` and `distance` be
+// null: then every particle is looked at.
+void guard(const float* before, float* positions, float* velocities, bool* moved, int32_t count, const Clearance& clearance,
+           const Ask& ask, const float* places, const float* distance);
 
 // How much mechanical energy a step adds, mean J/kg: see energy.py.
 double energy_gain(const float* positions, const float* velocities, const float* new_positions, const float* new_velocities,

@@ -290,32 +290,61 @@ nb::ndarray<nb::numpy, int64_t, nb::ndim<1>> as_array(std::vector<int64_t>&& val
     return {kept->data(), {kept->size()}, owner};
 }
 
-void contain(NewVectors positions, NewVectors velocities, NewFlags moved, Vector lower, Vector upper) {
-    const size_t count = positions.shape(0);
-    expect(velocities.shape(0), count, "velocities");
-    expect(moved.shape(0), count, "moved");
-    surfsup::contain(positions.data(), velocities.data(), moved.data(), static_cast<int64_t>(count), lower.data(), upper.data());
+// Whom to ask for distances: a native solid, a function of Python's that writes what it knows, or nobody.
+surfsup::Ask ask_of(const nb::object& solid, int threads) {
+    if (solid.is_none()) return {};
+    if (const surfsup::Solid* known; nb::try_cast(solid, known))
+        return [known, threads](float* points, int32_t count, float* distance, float* normal) {
+            known->look(points, count, distance, normal, threads);
+        };
+    return [&solid](float* points, int32_t count, float* distance, float* normal) {
+        const nb::gil_scoped_acquire locked;
+        const auto rows = static_cast<size_t>(count);
+        const auto given = nb::cast(nb::ndarray<nb::numpy, float>(points, {rows, 3}, nb::handle()), nb::rv_policy::reference);
+        const auto lengths = nb::cast(nb::ndarray<nb::numpy, float>(distance, {rows}, nb::handle()), nb::rv_policy::reference);
+        if (normal)
+            solid(given, lengths, nb::cast(nb::ndarray<nb::numpy, float>(normal, {rows, 3}, nb::handle()), nb::rv_policy::reference));
+        else
+            solid(given, lengths, nb::none());
+    };
 }
 
-nb::ndarray<nb::numpy, int64_t, nb::ndim<1>> push(NewVectors positions, NewVectors velocities, NewFlags moved, Indices at,
-                                                  Values distance, Vectors normal, Vector lower, Vector upper,
-                                                  float clearance, float tolerance) {
-    const size_t count = positions.shape(0), size = at.shape(0);
-    expect(velocities.shape(0), count, "velocities");
-    expect(moved.shape(0), count, "moved");
-    expect(distance.shape(0), size, "distance");
-    expect(normal.shape(0), size, "normal");
-    for (size_t k = 0; k < size; ++k)
-        if (at.data()[k] < 0 || at.data()[k] >= static_cast<int64_t>(count)) throw std::out_of_range("there is no such particle");
-    return as_array(surfsup::push(positions.data(), velocities.data(), moved.data(), at.data(), static_cast<int64_t>(size),
-                                  distance.data(), normal.data(), lower.data(), upper.data(), clearance, tolerance));
+int32_t particles_of(size_t count) {
+    if (count > static_cast<size_t>(std::numeric_limits<int32_t>::max() - 4096))
+        throw std::invalid_argument("there are more particles than can be counted");
+    return static_cast<int32_t>(count);
 }
 
-nb::ndarray<nb::numpy, int64_t, nb::ndim<1>> within_reach(Vectors positions, Vectors places, Values distance, float clearance) {
-    const size_t count = positions.shape(0);
+void fall(Vectors positions, Vectors velocities, float time, Vector drop, NewVectors ahead) {
+    expect(velocities.shape(0), positions.shape(0), "velocities");
+    expect(ahead.shape(0), positions.shape(0), "ahead");
+    surfsup::fall(positions.data(), velocities.data(), static_cast<int64_t>(positions.shape(0)), time, drop.data(), ahead.data());
+}
+
+void look_again(Vectors ahead, const nb::object& solid, float clearance, NewVectors places, NewValues distance, NewValues at_least, int threads) {
+    const size_t count = ahead.shape(0);
     expect(places.shape(0), count, "places");
     expect(distance.shape(0), count, "distance");
-    return as_array(surfsup::within_reach(positions.data(), places.data(), distance.data(), static_cast<int64_t>(count), clearance));
+    expect(at_least.shape(0), count, "at_least");
+    const surfsup::Ask ask = ask_of(solid, threads);
+    if (!ask) throw std::invalid_argument("there is no solid to look at");
+    const nb::gil_scoped_release unlocked;
+    surfsup::look_again(ahead.data(), particles_of(count), clearance, ask, places.data(), distance.data(), at_least.data());
+}
+
+void guard(Vectors before, NewVectors positions, NewVectors velocities, NewFlags moved, Vector lower, Vector upper, float clearance,
+           float tolerance, int rounds, const nb::object& solid, std::optional<std::tuple<Vectors, Values>> last, int threads) {
+    const size_t count = positions.shape(0);
+    expect(before.shape(0), count, "before");
+    expect(velocities.shape(0), count, "velocities");
+    expect(moved.shape(0), count, "moved");
+    if (last) expect(std::get<0>(*last).shape(0), count, "places");
+    if (last) expect(std::get<1>(*last).shape(0), count, "distance");
+    const surfsup::Ask ask = ask_of(solid, threads);
+    const nb::gil_scoped_release unlocked;
+    surfsup::guard(before.data(), positions.data(), velocities.data(), moved.data(), particles_of(count),
+                   {lower.data(), upper.data(), clearance, tolerance, rounds}, ask, last ? std::get<0>(*last).data() : nullptr,
+                   last ? std::get<1>(*last).data() : nullptr);
 }
 
 double energy_gain(Vectors positions, Vectors velocities, Vectors new_positions, Vectors new_velocities, Vector gravity) {
@@ -395,12 +424,13 @@ NB_MODULE(_native, module) {
                "threads"_a);
     module.def("sum_fours_back", sum_fours_back, array("starts"), array("senders"), array("kernels"), array("gradient"),
                array("to_values"), "threads"_a);
-    module.def("contain", contain, array("positions"), array("velocities"), array("moved"), array("lower"), array("upper"));
-    module.def("push", push, array("positions"), array("velocities"), array("moved"), array("at"), array("distance"),
-               array("normal"), array("lower"), array("upper"), "clearance"_a, "tolerance"_a);
+    module.def("fall", fall, array("positions"), array("velocities"), "time"_a, array("drop"), array("ahead"));
+    module.def("look_again", look_again, array("ahead"), "solid"_a, "clearance"_a, array("places"), array("distance"), array("at_least"),
+               "threads"_a);
+    module.def("guard", guard, array("before"), array("positions"), array("velocities"), array("moved"), array("lower"), array("upper"),
+               "clearance"_a, "tolerance"_a, "rounds"_a, "solid"_a.none(), "last"_a.none(), "threads"_a);
     module.def("energy_gain", energy_gain, array("positions"), array("velocities"), array("new_positions"),
                array("new_velocities"), array("gravity"));
-    module.def("within_reach", within_reach, array("positions"), array("places"), array("distance"), "clearance"_a);
     module.def("find_pairs", find_pairs, array("positions"), "radius"_a, "most_edges"_a, "threads"_a);
     module.def("sample", sample, array("table"), "lower"_a, "middle"_a, "cell"_a, "nodes"_a, array("points"),
                array("distance"), array("gradient"), "threads"_a);
