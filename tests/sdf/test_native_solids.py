@@ -62,6 +62,16 @@ def code(width: int, layers: int, octaves: int) -> DeepSdfSurface:
 CORAL = standing(load_siren(Path("coral")), 0.6)
 CHAIR = load_deepsdf(Path("chairs"))
 CHAIR = Transformed(CHAIR.surface(CHAIR.code("chair-0100")).with_lattice(), TURN, (0.1, 0.0, 0.2), 0.4)
+
+
+def holed() -> MeshSurface:
+    """A ball of triangles of which some are missing."""
+    mesh = Sphere(0.3).to_mesh(24)
+    mesh.update_faces(np.arange(len(mesh.faces)) > 20)
+    return MeshSurface(mesh, cells=24)
+
+
+TORUS = MeshSurface(Torus(0.3, 0.1).to_mesh(48), cells=32)
 SOLIDS = {
     **{name: kind(**parameters) for name, (kind, parameters) in SHAPES.items()},
     "bowl": Bowl(0.3, 0.08),
@@ -81,6 +91,12 @@ SOLIDS = {
     "a code": CHAIR,
     "a code without octaves": code(18, 2, 0),
     "a code without a lattice": Transformed(code(16, 5, 3), TURN, (0.2, -0.1, 0.3), 0.5),
+    "mesh": TORUS,
+    "mesh with a hole": holed(),
+    "mesh seen from afar": Transformed(MeshSurface(Box((0.1, 0.2, 0.3)).to_mesh(16)), TURN, (2.0, -1.0, 3.0), 0.2),
+    "meshes and a ball": Union(
+        Difference(Transformed(TORUS, TURN, (0.1, 0.2, 0.3), 1.2), Sphere(0.3)), Transformed(TORUS)
+    ),
     "nested": Union(Difference(Union(Sphere(0.3), Box((0.7, 0.2, 0.2))), Cylinder(0.1, 1.0)), boxes(3)),
 }
 every_solid = pytest.mark.parametrize("name", SOLIDS)
@@ -106,8 +122,8 @@ def test_distance_and_normal_are_those_of_torch(name):
     assert torch.linalg.vector_norm(normal, dim=-1).sub(1).abs().max() < 1e-5
 
 
-def test_where_networks_are_joined_the_normal_is_that_of_the_nearest():
-    parts = [Transformed(CORAL, TURN, (0.1, 0.2, 0.3), 1.2), Difference(Box((0.5, 0.6, 0.7)), CHAIR), CHAIR]
+def test_where_networks_and_meshes_are_joined_the_normal_is_that_of_the_nearest():
+    parts = [Transformed(CORAL, TURN, (0.1, 0.2, 0.3), 1.2), Difference(Box((0.5, 0.6, 0.7)), CHAIR), CHAIR, TORUS]
     joined = Transformed(Union(*parts), TURN, (0.1, 0.0, 0.0), 0.5)
     points = points_around(joined, 5000, dtype=torch.float32)
     distance, normal = joined.distance_and_normal(points)
@@ -172,6 +188,54 @@ def test_a_network_that_was_changed_is_seen_as_it_is_now():
         assert not torch.allclose(surface.distance_and_normal(points)[0], before, atol=1e-3)
 
 
+def test_on_the_triangles_and_their_corners_the_mesh_itself_is_asked():
+    vertices = torch.tensor(TORUS.query.vertices, dtype=torch.float32)
+    middles = vertices[torch.tensor(TORUS.query.faces)].mean(dim=1)
+    for points in (vertices, middles):
+        distance, normal = TORUS.distance_and_normal(points)
+        expected, expected_normal = by_torch(TORUS, points)
+        torch.testing.assert_close(distance, expected, atol=1e-7, rtol=0)
+        torch.testing.assert_close(normal, expected_normal, atol=1e-5, rtol=0)
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+def test_an_error_in_what_a_mesh_asks_in_python_comes_through(threads, monkeypatch):
+    def broken(*_: object) -> None:
+        raise RuntimeError("the mesh is broken")
+
+    before = torch.get_num_threads()
+    torch.set_num_threads(threads)
+    mesh = MeshSurface(Sphere(0.3).to_mesh(16), cells=16)
+    monkeypatch.setattr(mesh, "look_up", broken)
+    points = torch.tensor(mesh.query.vertices[:1], dtype=torch.float32).repeat(3000, 1)
+    try:
+        with pytest.raises(RuntimeError, match="the mesh is broken"):
+            Union(mesh, Sphere(0.1)).distance_and_normal(points)
+    finally:
+        torch.set_num_threads(before)
+
+
+@pytest.mark.parametrize("wrong", ["fine", "coarse", "unsigned_distance", "inside"])
+def test_grids_that_do_not_fit_each_other_are_refused(wrong):
+    fine, coarse = TORUS.build_caches()
+    given = {
+        "triangles": TORUS.query.triangles,
+        "fine": fine.grid(),
+        "coarse": coarse.grid(),
+        "unsigned_distance": fine.unsigned,
+        "inside": fine.inside,
+        "near": 0.1,
+        "agree": 0.9,
+        "touching": 1e-6,
+        "rest": TORUS.write_look,
+    }
+    native.Solid.of_mesh(**given)
+    value = given[wrong]
+    given[wrong] = (value[0][:-1], *value[1:]) if isinstance(value, tuple) else value[:-1]
+    with pytest.raises(ValueError):
+        native.Solid.of_mesh(**given)
+
+
 def test_the_mesh_of_a_network_is_asked_where_all_is_to_be_exact():
     surface = load_siren(Path("coral"))
     surface.exact = True
@@ -220,7 +284,7 @@ def test_a_gradient_double_precision_and_unknown_solids_are_left_to_torch():
     assert Sphere(shape).look_natively(points) is None
     with torch.no_grad():
         assert Sphere(shape).look_natively(points) is not None
-    mesh = MeshSurface(Box((0.4, 0.4, 0.4)).to_mesh(8))
+    mesh = MeshSurface(Box((0.4, 0.4, 0.4)).to_mesh(8), exact=True)
     assert Union(Sphere(0.2), mesh).native_solid() is None
     assert Transformed(mesh).native_solid() is None
 

@@ -7,6 +7,8 @@ import numpy as np
 
 Matrix = Bias = Vectors = Values = Vector = np.ndarray
 # A solid, or who writes the distance (N,) and, unless that is None, the unit normal (N, 3) of points (N, 3).
+# Table (X Y Z, 4), first node, middle, cell, nodes (X, Y, Z): see surfsup.sdf.mesh_cache.DistanceCache.
+Grid = tuple[np.ndarray, tuple[float, ...], tuple[float, ...], float, tuple[int, ...]]
 Asked: TypeAlias = "Solid | Callable[[Vectors, Values, Vectors | None], None]"
 
 def paths() -> list[str]:
@@ -132,17 +134,7 @@ def sum_fours_back(
 ) -> None:
     """Write the gradient in the values of :func:`sum_fours` from that in its sums."""
 
-def sample(
-    table: np.ndarray,
-    lower: tuple[float, float, float],
-    middle: tuple[float, float, float],
-    cell: float,
-    nodes: tuple[int, int, int],
-    points: np.ndarray,
-    distance: np.ndarray,
-    gradient: np.ndarray,
-    threads: int,
-) -> None:
+def sample(grid: Grid, points: np.ndarray, distance: np.ndarray, gradient: np.ndarray, threads: int) -> None:
     """Write what :meth:`surfsup.sdf.mesh_cache.DistanceCache.sample` tells of ``points`` (N, 3) float64 in the grid.
 
     Raises:
@@ -177,7 +169,7 @@ class Triangles:
         """
 
 class Solid:
-    """A solid whose distance has a closed form or is known by a network; ``parts`` are copied."""
+    """A solid whose distance has a closed form or is known by a network or a mesh; ``parts`` are copied."""
 
     def __init__(self, kind: str, numbers: list[float], parts: list[Solid]) -> None:
         """Check the kind and what it is made of.
@@ -213,6 +205,36 @@ class Solid:
 
         Raises:
             ValueError: they do not fit each other.
+        """
+
+    @staticmethod
+    def of_mesh(
+        *,
+        triangles: Triangles,
+        fine: Grid,
+        coarse: Grid,
+        unsigned_distance: np.ndarray,
+        inside: np.ndarray,
+        near: float,
+        agree: float,
+        touching: float,
+        rest: Callable[[Vectors, Values, Vectors], None],
+    ) -> Solid:
+        """One that triangles enclose; no array is copied.
+
+        Args:
+            triangles: asked near the surface.
+            fine: the grid around them.
+            coarse: the one around that.
+            unsigned_distance: (N,) float64 of the fine grid's nodes.
+            inside: (N,) bool, whether they are.
+            near: distance by the grid up to which the triangles are asked, metres.
+            agree: length of the mean of the nodes' normals below which they are asked, too.
+            touching: metres from the surface up to which rounding decides where the normal points.
+            rest: writes distance and normal of points so near to the surface that the grid does not tell their side.
+
+        Raises:
+            ValueError: sizes do not fit.
         """
 
     def look(self, points: Vectors, distance: Values, normal: Vectors | None, threads: int) -> None:

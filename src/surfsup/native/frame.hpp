@@ -149,8 +149,8 @@ struct Path {
     // where memory ran out. `to` points to them until the next call.
     int64_t (*within)(const Frame&, int32_t i, Arena&, void* search, const int32_t*& to);
     int64_t search_bytes;  // of `search`, zero at first in every frame
-    // Signed distance of points (count, 3), and their unit normal, unless that is null.
-    void (*distance)(const Tree&, const float* points, int32_t count, float* distance, float* normal);
+    // Signed distance of points begin to end, and their unit normal, unless that is null.
+    void (*distance)(const Tree&, const float* points, int32_t begin, int32_t end, float* distance, float* normal);
     // What a network tells of points (count, 3) in its own frame, for which it needs a list of them and so many floats.
     void (*ask_field)(const Field&, const float* points, int32_t count, const FieldValues&, int32_t* list, float* scratch);
     int64_t (*field_scratch)(const Field&);

@@ -15,6 +15,7 @@
 
 #include "convolution.hpp"
 #include "guard.hpp"
+#include "mesh.hpp"
 #include "network.hpp"
 #include "solid.hpp"
 #include "triangles.hpp"
@@ -43,6 +44,7 @@ using NewFours = nb::ndarray<float, nb::shape<-1, 4>, nb::c_contig, nb::device::
 using Sums = nb::ndarray<const float, nb::shape<-1, surfsup::KERNELS, 4>, nb::c_contig, nb::device::cpu>;
 using NewSums = nb::ndarray<float, nb::shape<-1, surfsup::KERNELS, 4>, nb::c_contig, nb::device::cpu>;
 using NewFlags = nb::ndarray<bool, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
+using Flags = nb::ndarray<const bool, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
 using NewValues = nb::ndarray<float, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
 using Vector = nb::ndarray<const float, nb::shape<3>, nb::c_contig, nb::device::cpu>;
 using Points = nb::ndarray<const double, nb::shape<-1, 3>, nb::c_contig, nb::device::cpu>;
@@ -215,7 +217,44 @@ surfsup::Solid of_network(const std::vector<GivenLayer>& layers, Values last, Va
     for (size_t k = 0; k < layers.size(); ++k) held->layers[k].bias = held->constants.data() + k * width;
     held->field = {held->layers.data(), static_cast<int>(layers.size()), static_cast<int>(width), octaves, frequency,
                    last.data(), last_bias.data()[0], lattice_of(lattice), near};
-    return surfsup::Solid(std::shared_ptr<const surfsup::Field>(held, &held->field));
+    return surfsup::Solid(std::make_shared<surfsup::FieldLeaf>(std::shared_ptr<const surfsup::Field>(held, &held->field)));
+}
+
+// A mesh, and what keeps the memory of its grids.
+struct HeldMesh {
+    nb::object triangles;
+    Fours fine, coarse;
+    Lengths unsigned_distance;
+    Flags inside;
+    nb::callable rest;
+    surfsup::Mesh mesh;
+};
+
+using GivenGrid = std::tuple<Fours, std::array<double, 3>, std::array<double, 3>, double, std::array<int64_t, 3>>;
+
+surfsup::Grid grid_of(const GivenGrid& given) {
+    const auto& [table, lower, middle, cell, nodes] = given;
+    if (std::min({nodes[0], nodes[1], nodes[2]}) < 2 ||
+        static_cast<uint64_t>(nodes[0]) * static_cast<uint64_t>(nodes[1]) * static_cast<uint64_t>(nodes[2]) != table.shape(0))
+        throw std::invalid_argument("the table is not that of a grid of so many nodes");
+    return {table.data(), lower, middle, cell, nodes};
+}
+
+surfsup::Solid of_mesh(const nb::object& triangles, const GivenGrid& fine, const GivenGrid& coarse, Lengths unsigned_distance, Flags inside,
+                       double near, double agree, double touching, const nb::callable& rest) {
+    expect(unsigned_distance.shape(0), std::get<0>(fine).shape(0), "unsigned");
+    expect(inside.shape(0), std::get<0>(fine).shape(0), "inside");
+    auto held = std::make_shared<HeldMesh>(HeldMesh{triangles, std::get<0>(fine), std::get<0>(coarse), unsigned_distance, inside, rest, {}});
+    const auto ask_rest = [held = held.get()](const float* points, int32_t count, float* distance, float* normal) {
+        const nb::gil_scoped_acquire locked;
+        const auto rows = static_cast<size_t>(count);
+        held->rest(nb::cast(nb::ndarray<nb::numpy, const float>(points, {rows, 3}, nb::handle()), nb::rv_policy::reference),
+                   nb::cast(nb::ndarray<nb::numpy, float>(distance, {rows}, nb::handle()), nb::rv_policy::reference),
+                   nb::cast(nb::ndarray<nb::numpy, float>(normal, {rows, 3}, nb::handle()), nb::rv_policy::reference));
+    };
+    held->mesh = {nb::cast<const surfsup::Triangles*>(triangles), grid_of(fine), grid_of(coarse), unsigned_distance.data(), inside.data(),
+                  near, agree, touching, ask_rest};
+    return surfsup::Solid(std::make_shared<surfsup::MeshLeaf>(std::shared_ptr<const surfsup::Mesh>(held, &held->mesh)));
 }
 
 void look(const surfsup::Solid& solid, Vectors points, NewValues distance, std::optional<NewVectors> normal, int threads) {
@@ -379,16 +418,13 @@ void nearest(const surfsup::Triangles& triangles, Points points, std::optional<L
                       closest.data(), threads);
 }
 
-void sample(Fours table, std::array<double, 3> lower, std::array<double, 3> middle, double cell,
-            std::array<int64_t, 3> nodes, Points points, NewLengths distance, NewPoints gradient, int threads) {
+void sample(const GivenGrid& given, Points points, NewLengths distance, NewPoints gradient, int threads) {
     const int32_t count = count_of(points);
     expect(distance.shape(0), points.shape(0), "distance");
     expect(gradient.shape(0), points.shape(0), "gradient");
-    if (std::min({nodes[0], nodes[1], nodes[2]}) < 2 ||
-        static_cast<uint64_t>(nodes[0]) * static_cast<uint64_t>(nodes[1]) * static_cast<uint64_t>(nodes[2]) != table.shape(0))
-        throw std::invalid_argument("the table is not that of a grid of so many nodes");
+    const surfsup::Grid grid = grid_of(given);
     const nb::gil_scoped_release unlocked;
-    surfsup::sample({table.data(), lower, middle, cell, nodes}, points.data(), count, distance.data(), gradient.data(), threads);
+    surfsup::sample(grid, points.data(), count, distance.data(), gradient.data(), threads);
 }
 
 nb::tuple find_pairs(Vectors positions, double radius, int64_t most_edges, int threads) {
@@ -432,8 +468,7 @@ NB_MODULE(_native, module) {
     module.def("energy_gain", energy_gain, array("positions"), array("velocities"), array("new_positions"),
                array("new_velocities"), array("gravity"));
     module.def("find_pairs", find_pairs, array("positions"), "radius"_a, "most_edges"_a, "threads"_a);
-    module.def("sample", sample, array("table"), "lower"_a, "middle"_a, "cell"_a, "nodes"_a, array("points"),
-               array("distance"), array("gradient"), "threads"_a);
+    module.def("sample", sample, "grid"_a, array("points"), array("distance"), array("gradient"), "threads"_a);
     nb::class_<surfsup::Triangles>(module, "Triangles")
         .def("__init__", make_triangles, array("vertices"), array("faces"))
         .def("nearest", nearest, array("points"), array("at_most").none(), array("distance"), array("face"),
@@ -446,6 +481,8 @@ NB_MODULE(_native, module) {
              "numbers"_a, "parts"_a)
         .def_static("of_network", of_network, nb::kw_only(), "layers"_a, array("last"), array("last_bias"), array("code").none(),
                     "frequency"_a, "octaves"_a, "lattice"_a.none(), "near"_a)
+        .def_static("of_mesh", of_mesh, nb::kw_only(), "triangles"_a, "fine"_a, "coarse"_a, array("unsigned_distance"), array("inside"),
+                    "near"_a, "agree"_a, "touching"_a, "rest"_a)
         .def("look", look, array("points"), array("distance"), array("normal").none(), "threads"_a);
     nb::class_<HeldNetwork>(module, "Network")
         .def("__init__", make, nb::kw_only(), array("encoder"), array("factors"), array("layers"), array("decoder"),

@@ -1,17 +1,20 @@
 #include "solid.hpp"
 
 #include <algorithm>
+#include <limits>
 #include <stdexcept>
 
+#include "aligned.hpp"
 #include "network.hpp"
 #include "threads.hpp"
 
 namespace surfsup {
 namespace {
 
-// A network takes longer than a closed form, so that the last thread to be ready waits less for smaller portions.
+// A network or a mesh takes longer than a closed form, so that threads wait less for each other with smaller portions.
 constexpr int32_t PORTION = 4096, ASKED_PORTION = 512;
-constexpr size_t MOST_LANES = 16;
+constexpr int64_t MOST_LANES = 16;
+constexpr float NO_NUMBER = std::numeric_limits<float>::quiet_NaN();
 
 struct Description {
     const char* name;
@@ -87,7 +90,7 @@ Solid::Solid(const std::string& kind, const std::vector<float>& numbers, const s
             nodes_.push_back(node);
         }
         for (const int32_t place : part->parts_) parts_.push_back(place + nodes);
-        for (const Asked& one : part->asked_) asked_.push_back({one.field, within(lies, one.lies)});
+        for (const Asked& one : part->asked_) asked_.push_back({one.leaf, within(lies, one.lies)});
         numbers_.insert(numbers_.end(), part->numbers_.begin(), part->numbers_.end());
         roots.push_back(static_cast<int32_t>(nodes_.size()) - 1);
     }
@@ -96,41 +99,56 @@ Solid::Solid(const std::string& kind, const std::vector<float>& numbers, const s
     parts_.insert(parts_.end(), roots.begin(), roots.end());
 }
 
-Solid::Solid(std::shared_ptr<const Field> field) : nodes_{{Kind::asked, 0, 0, 0, 0}}, asked_{{std::move(field), {}}} {}
+Solid::Solid(std::shared_ptr<const Leaf> leaf) : nodes_{{Kind::asked, 0, 0, 0, 0}}, asked_{{std::move(leaf), {}}} {}
 
 void Solid::look(const float* points, int32_t count, float* distance, float* normal, int threads) const {
     static const Path& path = *paths().front();
-    const int32_t portion = asked_.empty() ? PORTION : ASKED_PORTION, root = static_cast<int32_t>(nodes_.size()) - 1;
-    std::vector<Asking> asking = asked_.empty() ? std::vector<Asking>() : std::vector<Asking>(static_cast<size_t>(std::max(1, threads)));
-    for (Asking& one : asking) make_room(path, std::min(count, portion), one);  // here memory may run out; in the loop not
-    in_parallel(threads, count, portion, [&](int thread, int32_t begin, int32_t end) {
-        const int32_t here = end - begin;
-        const float* from = points + 3 * static_cast<int64_t>(begin);
-        const FieldValues* told = asked_.empty() ? nullptr : ask(path, from, here, normal != nullptr, asking[static_cast<size_t>(thread)]);
-        path.distance({nodes_.data(), numbers_.data(), parts_.data(), root, told}, from, here, distance + begin,
-                      normal ? normal + 3 * static_cast<int64_t>(begin) : nullptr);
+    const int64_t room = static_cast<int64_t>(count) + MOST_LANES;
+    AlignedFloats rows(static_cast<size_t>(4 * room) * asked_.size());
+    std::vector<FieldValues> told;
+    for (const Asked& one : asked_) {
+        told.push_back({rows.data() + 4 * room * static_cast<int64_t>(told.size()), room, normal != nullptr});
+        ask(one, path, points, count, told.back(), threads);
+    }
+    const Tree tree{nodes_.data(), numbers_.data(), parts_.data(), static_cast<int32_t>(nodes_.size()) - 1, told.data()};
+    in_parallel(threads, count, PORTION, [&](int, int32_t begin, int32_t end) {
+        path.distance(tree, points, begin, end, distance, normal);
     });
 }
 
-void Solid::make_room(const Path& path, int32_t points, Asking& asking) const {
-    const auto count = static_cast<size_t>(points), room = count + MOST_LANES;
-    asking.own.resize(3 * count), asking.near.resize(count);
-    asking.rows.resize(4 * room * asked_.size());
-    int64_t scratch = 0;
-    for (const Asked& one : asked_) {
-        scratch = std::max(scratch, path.field_scratch(*one.field));
-        asking.told.push_back({asking.rows.data() + 4 * room * asking.told.size(), static_cast<int64_t>(room), true});
+void Solid::ask(const Asked& asked, const Path& path, const float* points, int32_t count, const FieldValues& told, int threads) const {
+    struct Room {
+        AlignedFloats scratch;
+        std::vector<int32_t> list;
+    };
+    std::vector<Room> rooms(static_cast<size_t>(std::max(1, threads)));  // here memory may run out; in the loop not
+    for (Room& room : rooms) {
+        room.scratch.resize(static_cast<size_t>(asked.leaf->scratch(path)));
+        room.list.resize(static_cast<size_t>(std::min(count, ASKED_PORTION)));
     }
-    asking.scratch.resize(static_cast<size_t>(scratch));
-}
-
-const FieldValues* Solid::ask(const Path& path, const float* points, int32_t count, bool with_gradient, Asking& asking) const {
-    for (size_t k = 0; k < asked_.size(); ++k) {
-        asking.told[k].with_gradient = with_gradient;
-        to_own_frame(asked_[k].lies, points, count, asking.own.data());
-        path.ask_field(*asked_[k].field, asking.own.data(), count, asking.told[k], asking.near.data(), asking.scratch.data());
+    AlignedFloats own(3 * static_cast<size_t>(count));
+    in_parallel(threads, count, ASKED_PORTION, [&](int thread, int32_t begin, int32_t end) {
+        const int64_t first = 3 * static_cast<int64_t>(begin);
+        Room& room = rooms[static_cast<size_t>(thread)];
+        to_own_frame(asked.lies, points + first, end - begin, own.data() + first);
+        const FieldValues here = {told.rows + begin, told.room, told.with_gradient};
+        asked.leaf->ask(path, own.data() + first, end - begin, here, room.list.data(), room.scratch.data());
+    });
+    std::vector<float> left;
+    std::vector<int32_t> which;
+    for (int32_t i = 0; i < count; ++i) {
+        if (told.rows[i] == told.rows[i]) continue;
+        which.push_back(i);
+        left.insert(left.end(), own.data() + 3 * static_cast<int64_t>(i), own.data() + 3 * static_cast<int64_t>(i) + 3);
     }
-    return asking.told.data();
+    if (which.empty()) return;
+    std::vector<float> distance(which.size(), NO_NUMBER), normal(left.size(), NO_NUMBER);
+    asked.leaf->ask_rest(left.data(), static_cast<int32_t>(which.size()), distance.data(), normal.data());
+    for (size_t k = 0; k < which.size(); ++k) {
+        told.rows[which[k]] = distance[k];
+        if (!told.with_gradient) continue;
+        for (int64_t axis = 0; axis < 3; ++axis) told.rows[(1 + axis) * told.room + which[k]] = normal[3 * k + static_cast<size_t>(axis)];
+    }
 }
 
 }  // namespace surfsup

@@ -1,5 +1,5 @@
-// Solids made of those whose distance has a closed form or is known by a network; the same forms as in surfsup/sdf, and
-// tested against them.
+// Solids made of those whose distance has a closed form, or is known by a network or a mesh; the same forms as in
+// surfsup/sdf, and tested against them.
 #pragma once
 
 #include <cstdint>
@@ -7,9 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "aligned.hpp"
-#include "field.hpp"
-#include "frame.hpp"
+#include "leaf.hpp"
 #include "tree.hpp"
 
 namespace surfsup {
@@ -24,25 +22,18 @@ public:
     // Throws std::invalid_argument where there is no such kind, or it is made of other things.
     Solid(const std::string& kind, const std::vector<float>& numbers, const std::vector<const Solid*>& parts);
 
-    // One that a network knows, in the network's own frame; what it points to lives as long as the pointer is held.
-    explicit Solid(std::shared_ptr<const Field> field);
+    // One without parts, in its own frame.
+    explicit Solid(std::shared_ptr<const Leaf> leaf);
 
     // Distance (count) and unit normal (count, 3), unless that is null, of points (count, 3).
     void look(const float* points, int32_t count, float* distance, float* normal, int threads) const;
 
 private:
     struct Asked {
-        std::shared_ptr<const Field> field;
+        std::shared_ptr<const Leaf> leaf;
         Similarity lies;
     };
-    // What a thread asks networks with.
-    struct Asking {
-        AlignedFloats own, rows, scratch;
-        std::vector<int32_t> near;
-        std::vector<FieldValues> told;
-    };
-    void make_room(const Path& path, int32_t points, Asking& asking) const;
-    const FieldValues* ask(const Path& path, const float* points, int32_t count, bool with_gradient, Asking& asking) const;
+    void ask(const Asked& asked, const Path& path, const float* points, int32_t count, const FieldValues& told, int threads) const;
 
     std::vector<Node> nodes_;
     std::vector<float> numbers_;

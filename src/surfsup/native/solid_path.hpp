@@ -185,9 +185,9 @@ Dual distance_of(const Tree& tree, int32_t place, const Point& p) {
     return constant(__builtin_nanf(""));
 }
 
-void distance(const Tree& tree, const float* points, int32_t count, float* to_distance, float* to_normal) {
-    for (int32_t first = 0; first < count; first += LANES) {
-        const int here = count - first < LANES ? count - first : LANES;
+void distance(const Tree& tree, const float* points, int32_t begin, int32_t end, float* to_distance, float* to_normal) {
+    for (int32_t first = begin; first < end; first += LANES) {
+        const int here = end - first < LANES ? end - first : LANES;
         float places[3][LANES], told[4][LANES];
         for (int lane = 0; lane < LANES; ++lane)
             for (int axis = 0; axis < 3; ++axis)

@@ -54,7 +54,7 @@ class Lattice(nn.Module):
         axes = [low + self.cell * torch.arange(count, device=low.device) for low, count in corners]
         return torch.stack(torch.meshgrid(*axes, indexing="ij"), dim=-1).reshape(-1, 3)
 
-    def native(self) -> tuple[np.ndarray, tuple[float, ...], float, tuple[int, ...]]:
+    def grid(self) -> tuple[np.ndarray, tuple[float, ...], float, tuple[int, ...]]:
         """Table, first node, cell and nodes along each axis, as :meth:`surfsup.native.Solid.of_network` takes them."""
         return self.table.numpy(), tuple(self.lower.tolist()), self.cell, self.shape
 

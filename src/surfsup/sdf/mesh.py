@@ -8,9 +8,10 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from surfsup import native
 from surfsup.errors import InputError
 from surfsup.sdf.mesh_cache import DistanceCache
-from surfsup.sdf.mesh_query import MeshQuery
+from surfsup.sdf.mesh_query import ON_SURFACE, MeshQuery
 from surfsup.sdf.surface import Surface
 
 if TYPE_CHECKING:
@@ -69,13 +70,38 @@ class MeshSurface(Surface):
 
     def distance(self, points: Tensor) -> Tensor:
         """Signed distance (N,); exact near the surface (see the class)."""
-        return self.distance_and_normal(points)[0]
+        found = self.distance_natively(points)
+        return self.distance_and_normal(points)[0] if found is None else found
 
     def distance_and_normal(self, points: Tensor) -> tuple[Tensor, Tensor]:
         """Signed distance (N,) and unit normal (N, 3), by one query; the normal carries no gradient."""
+        found = self.look_natively(points)
+        if found is not None:
+            return found
         values = self.look_up(points.detach().cpu().double().numpy())
         distance, normal = (torch.as_tensor(value).to(points.device, points.dtype) for value in values)
         return WithNormalAsGradient.apply(points, distance, normal), normal
+
+    def native_solid(self) -> native.Solid | None:
+        """The same in C++, unless the mesh is asked for every point."""
+        if self.exact or not native.paths():
+            return None
+        fine, coarse = self.build_caches()
+        return native.Solid.of_mesh(
+            triangles=self.query.triangles,
+            fine=fine.grid(),
+            coarse=coarse.grid(),
+            unsigned_distance=fine.unsigned,
+            inside=fine.inside,
+            near=NEAR * fine.cell,
+            agree=AGREE,
+            touching=ON_SURFACE * self.query.extent,
+            rest=self.write_look,
+        )
+
+    def write_look(self, points: np.ndarray, distance: np.ndarray, normal: np.ndarray) -> None:
+        """Write distance (N,) and normal (N, 3) of ``points`` (N, 3): of those whose side the grids do not tell."""
+        distance[:], normal[:] = self.look_up(points.astype(np.float64))
 
     def bounds(self) -> Tensor:
         """The box around the triangles (2, 3)."""

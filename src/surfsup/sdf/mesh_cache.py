@@ -72,9 +72,12 @@ class DistanceCache:
         """The same in C++."""
         points = np.ascontiguousarray(points)
         distance, gradient = np.empty(len(points)), np.empty_like(points)
-        place = tuple(self.lower), tuple(self.middle), self.cell, tuple(self.last_cell + 2)
-        native.sample(self.table, *place, points, distance, gradient, torch.get_num_threads())
+        native.sample(self.grid(), points, distance, gradient, torch.get_num_threads())
         return distance, gradient
+
+    def grid(self) -> tuple[np.ndarray, tuple[float, ...], tuple[float, ...], float, tuple[int, ...]]:
+        """Table, first node, middle, cell and nodes along each axis, as the native code takes them."""
+        return self.table, tuple(self.lower), tuple(self.middle), self.cell, tuple(self.last_cell + 2)
 
     def reach(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Distance (N,) and unit normal (N, 3) of any points outside the mesh's box, by the grid's border.

@@ -113,7 +113,7 @@ class NeuralSurface(Surface):
         layers = self.native_layers()
         if self.exact or layers is None:
             return None
-        lattice = None if self.lattice is None else self.lattice.native()
+        lattice = None if self.lattice is None else self.lattice.grid()
         return native.Solid.of_network(**layers, lattice=lattice, near=NEAR)
 
     def native_layers(self) -> dict[str, object] | None:
