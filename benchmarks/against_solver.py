@@ -152,11 +152,11 @@ def profile(scene: Scene, model_name: str | None) -> dict[str, float]:
     state = model.start(torch.from_numpy(start.positions), torch.from_numpy(start.particle_velocities), around)
     for _ in range(scene.frames // 2):
         state, _ = model.step(state, around)
-    positions, velocities, last = model.native.take(model, state, around)
+    positions, velocities, _, last, _ = model.native.take(model, state, around, guarded=False)
     parts = {
         "whole step": lambda: model.step(state, around),
         "distances to the solid": lambda: around.distance_and_normal(positions),
-        "network with neighbours and features, and distances": lambda: model.native.take(model, state, around),
+        "the same without Python around it": lambda: model.native.take(model, state, around),
         "guard, with distances": lambda: guard(state.positions, positions, velocities, around, last),
     }
     return {name: min(timed(part, 1)[1] for _ in range(20)) for name, part in parts.items()}

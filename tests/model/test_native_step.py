@@ -3,6 +3,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from itertools import pairwise
 
+import numpy as np
 import pytest
 import torch
 from hypothesis import given, settings
@@ -12,8 +13,8 @@ from surfsup import native
 from surfsup.errors import SimulationError
 from surfsup.model import weights
 from surfsup.model.features import DISPLACEMENT_SCALE
-from surfsup.model.guard import CLEARANCE
-from surfsup.model.native_step import NativeStep, ballistic
+from surfsup.model.guard import ALLOWED, CLEARANCE
+from surfsup.model.native_step import NativeStep
 from surfsup.model.simulator import Architecture, Simulator
 from surfsup.model.solid_map import SolidMap
 from surfsup.model.state import FRAME_TIME, State, Surroundings
@@ -64,7 +65,7 @@ def by_torch(simulator: Simulator, state: State, place: Surroundings) -> tuple[t
 
 
 def take(simulator: Simulator, state: State, place: Surroundings, path: str) -> tuple[torch.Tensor, torch.Tensor]:
-    return NativeStep(path).take(simulator, state, place)[:2]
+    return NativeStep(path).take(simulator, state, place, guarded=False)[:2]
 
 
 def assert_equal(ours: tuple[torch.Tensor, torch.Tensor], simulator: Simulator, state: State, place: Surroundings):
@@ -199,7 +200,7 @@ def test_several_threads_of_python_may_step_at_once():
     shared = NativeStep()
     with ThreadPoolExecutor(4) as pool:
         for _ in range(5):
-            together = pool.map(lambda state: shared.take(simulator, state, around(BALL)), states)
+            together = pool.map(lambda state: shared.take(simulator, state, around(BALL), guarded=False), states)
             assert all(torch.equal(one[0], other[0]) for one, other in zip(together, alone, strict=True))
 
 
@@ -215,6 +216,9 @@ def test_a_place_that_is_no_number_is_refused(path, name, broken):
 
 class Torn(Transformed):
     """A solid whose distance from the fourth point is no number."""
+
+    def native_solid(self) -> None:
+        return None
 
     def distance_and_normal(self, points: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
         distance, normal = super().distance_and_normal(points)
@@ -287,25 +291,48 @@ def test_torch_takes_over_where_a_gradient_or_more_precision_is_wanted():
         assert not can(state, place, simulator.network.double())
 
 
-def test_sizes_that_do_not_fit_are_refused():
-    simulator, state, place = model(), stirred(10), around()
-    network = simulator.native.network_of(simulator)
+@pytest.mark.parametrize(
+    ("name", "value", "complaint"),
+    [
+        ("velocities", np.zeros((9, 3), np.float32), "velocities has 9 rows, but must have 10"),
+        ("last", (np.zeros((10, 3), np.float32), np.zeros(9, np.float32)), "distance has 9 rows, but must have 10"),
+        ("path", "cray", "cannot go the path 'cray'"),
+    ],
+)
+def test_what_does_not_fit_is_refused(name, value, complaint):
+    simulator, place = model(), around()
     arrays = {
-        "positions": state.positions.numpy(),
-        "velocities": state.velocities.numpy(),
-        "ahead": state.positions.numpy(),
-        "distance": torch.zeros(9).numpy(),
-        "normal": state.positions.numpy(),
-        **{name: getattr(place, name).numpy() for name in ("gravity", "lower", "upper")},
+        "positions": np.zeros((10, 3), np.float32),
+        "velocities": np.zeros((10, 3), np.float32),
+        "around": place.as_arrays,
         "map": None,
         "turn": torch.eye(3).numpy(),
-        "new_positions": state.positions.clone().numpy(),
-        "new_velocities": state.positions.clone().numpy(),
+        "solid": None,
+        "clearance": ALLOWED,
+        "guarded": True,
+        "most_gain": 0.0,
+        "last": (np.zeros((10, 3), np.float32), np.zeros(10, np.float32)),
+        "reached": (np.zeros((10, 3), np.float32), np.zeros((10, 3), np.float32), np.zeros(10, bool)),
+        "path": native.paths()[0],
+        "threads": 1,
+        "most_edges": 1000,
     }
-    with pytest.raises(ValueError, match="distance has 9 rows, but must have 10"):
-        network.step(**arrays, path=native.paths()[0], threads=1, most_edges=1000)
-    with pytest.raises(ValueError, match="cannot go the path 'cray'"):
-        network.step(**{**arrays, "distance": torch.zeros(10).numpy()}, path="cray", threads=1, most_edges=1000)
+    network = simulator.native.network_of(simulator)
+    assert network.next_frame(**arrays)[0] == 10 * 9
+    with pytest.raises(ValueError, match=complaint):
+        network.next_frame(**arrays | {name: value})
+
+
+def test_what_would_be_converted_and_so_written_to_a_copy_is_refused():
+    simulator, state, place = model(), stirred(10), around()
+    reached = (np.zeros((10, 3)), np.zeros((10, 3), np.float32), np.zeros(10, bool))
+    positions, velocities = (value.numpy() for value in vars(state).values())
+    last = (np.zeros((10, 3), np.float32), np.zeros(10, np.float32))
+    with pytest.raises(TypeError):
+        simulator.native.network_of(simulator).next_frame(
+            positions, velocities, place.as_arrays, None, torch.eye(3).numpy(), None, ALLOWED, True, 0.0, last, reached,
+            native.paths()[0], 1, 1000,
+        )  # fmt: skip
 
 
 def fallen(frames: int, place: Surroundings) -> tuple[Simulator, list[State]]:
@@ -336,11 +363,13 @@ def test_the_solid_is_asked_again_only_by_those_that_may_be_near_and_is_never_ne
     simulator, states = fallen(15, watched)
     assert asked[0] == 60 and 0 < sum(asked[1:15]) < 0.8 * 14 * 60
     for state in states:
-        ahead = ballistic(state, watched)
-        _, told = simulator.native.look_again(ahead, watched)
-        exact = BALL.distance(ahead)
+        simulator.native.take(simulator, state, watched)
+        ahead, exact = state.ballistic(GRAVITY)[0], BALL.distance(state.ballistic(GRAVITY)[0])
+        places, distance = (torch.from_numpy(value) for value in simulator.native.looked[1])
+        told = distance - 2 * torch.linalg.vector_norm(ahead - places, dim=-1)
         assert (told <= exact + 1e-6).all()
-        assert torch.equal(told[exact < CLEARANCE], exact[exact < CLEARANCE])
+        near = exact < CLEARANCE
+        torch.testing.assert_close(told[near], exact[near], atol=1e-6, rtol=0)
 
 
 def test_a_solid_in_cpp_is_asked_as_one_in_python_is():
@@ -382,4 +411,4 @@ def test_a_step_does_not_depend_on_the_steps_before():
         assert simulator.native.looked[0] is elsewhere
         fewer = State(states[0].positions[:7], states[0].velocities[:7])
         simulator.step(fewer, elsewhere)
-        assert len(simulator.native.looked[1].places) == 7
+        assert len(simulator.native.looked[1][0]) == 7

@@ -16,6 +16,7 @@ from surfsup.model.state import Surroundings
 CLEARANCE = 0.020
 ROUNDS = 4
 TOLERANCE = 1e-5  # metres that a particle may stay short of its clearance
+ALLOWED = (CLEARANCE, TOLERANCE, ROUNDS)  # as the native code takes it
 
 
 @dataclass(frozen=True)
@@ -106,20 +107,18 @@ def guard_natively(
     longer than the network.
     """
     fluid = [value.detach().numpy().copy() for value in (positions, velocities)] + [np.empty(len(positions), bool)]
-    walls = (around.lower.numpy() + CLEARANCE, around.upper.numpy() - CLEARANCE)
     looked = None
     if last is not None:
         looked = tuple(value.detach().contiguous().numpy() for value in (last.places, last.distance))
     native.guard(
         before.detach().contiguous().numpy(),
         *fluid,
-        *walls,
-        clearance=CLEARANCE,
-        tolerance=TOLERANCE,
-        rounds=ROUNDS,
-        solid=around.asked(),
-        last=looked,
-        threads=torch.get_num_threads(),
+        around.lower.numpy(),
+        around.upper.numpy(),
+        ALLOWED,
+        around.asked(),
+        looked,
+        torch.get_num_threads(),
     )
     return Guarded(*(torch.from_numpy(value) for value in fluid))
 

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import torch
@@ -14,6 +12,7 @@ from surfsup import native
 from surfsup.model.convolution import graph
 from surfsup.model.correction import LARGEST, POSITION_SHARE, PRESSURE_SCALE
 from surfsup.model.crowding import blown_up, collapsed, most_edges
+from surfsup.model.energy import GAIN
 from surfsup.model.features import (
     ACTIONS,
     DENSITY_SCALE,
@@ -24,12 +23,12 @@ from surfsup.model.features import (
     VELOCITY_SCALE,
     Features,
 )
-from surfsup.model.guard import CLEARANCE, Look
+from surfsup.model.guard import ALLOWED, Look
 from surfsup.model.neighbours import neighbourhood
 from surfsup.model.network import ConvolutionNetwork
 from surfsup.model.solid_density import DEEPEST, NEAREST, OFFSET, STRENGTH, SUPPORT, TABLE_STEP, entries
 from surfsup.model.solid_map import UNTURNED
-from surfsup.model.state import FRAME_TIME, SOLVER_STEPS, State, Surroundings, free_fall_drop
+from surfsup.model.state import FRAME_TIME, SOLVER_STEPS, State, Surroundings
 from surfsup.model.sweeps import (
     DIMENSIONS,
     LEAST,
@@ -48,24 +47,22 @@ if TYPE_CHECKING:
     from surfsup.model.simulator import Simulator
 
 
-@dataclass(frozen=True)
-class LookAhead:
-    """What the native code is given of a state.
+class Taken(NamedTuple):
+    """A frame that was taken.
 
     Attributes:
-        places: (N, 3), metres.
-        speeds: (N, 3), m/s.
-        ahead: (N, 3) where ballistic motion would take it, metres.
-        distance: (N,) of the solid from there, metres, or no more than that.
-        told: the last two, the solid's normal there (N, 3), gravity, the corners of the container, the solid's map and
-            how it is turned.
+        positions: (N, 3), metres.
+        velocities: (N, 3), m/s.
+        moved: (N,) bool, which particles the guard moved.
+        last: from where each particle looked at the solid last.
+        done: False where more energy was gained than may be: then it was not guarded either.
     """
 
-    places: np.ndarray
-    speeds: np.ndarray
-    ahead: Tensor
-    distance: Tensor
-    told: list[np.ndarray | native.SolidMap | None]
+    positions: Tensor
+    velocities: Tensor
+    moved: Tensor
+    last: Look
+    done: bool
 
 
 class NativeStep:
@@ -84,7 +81,8 @@ class NativeStep:
         self.weights: list[Tensor] = []  # of that network; to walk through its modules takes longer than the guard
         self.network: native.Network | None = None
         self.made_of: list[int] = []  # where the weights lay; the network keeps that memory from being given to others
-        self.looked: tuple[Surroundings, Look] | None = None  # at which solid, and from where each particle did last
+        # At which solid particles looked, from where each did last and how far it was then.
+        self.looked: tuple[Surroundings, tuple[np.ndarray, np.ndarray]] | None = None
 
     def __reduce__(self) -> tuple[type[NativeStep], tuple[str]]:
         return NativeStep, (self.path,)  # a copy makes its own network
@@ -107,67 +105,75 @@ class NativeStep:
         return not wanted and all(value.dtype == torch.float32 and value.device.type == "cpu" for value in given)
 
     @torch.no_grad()
-    def take(self, simulator: Simulator, state: State, around: Surroundings) -> tuple[Tensor, Tensor, Look]:
-        """Positions (N, 3) and velocities (N, 3) one frame later, before the guard, and where it looked at the solid.
+    def take(self, simulator: Simulator, state: State, around: Surroundings, guarded: bool = True) -> Taken:
+        """One frame, all but cutting back a gain of energy.
+
+        The rule feels the solid by its map; how far off it is exactly only the guard has to know, of what comes near.
+        So only those particles look at it that may have come near since they last did. A learned distance may
+        exaggerate, so a way counts twice.
 
         Raises:
             SimulationError: a position is not finite, or the particles have collapsed into a clump.
         """
-        ahead = ballistic(state, around)
-        if around.felt is None:
-            distance, normal = around.distance_and_normal(ahead)
-            last = Look(ahead, distance.float())
-        else:
-            last, distance = self.look_again(ahead, around)
-            normal = torch.zeros_like(ahead)
-        seen = look_ahead(state, around, ahead, distance, normal)
-        positions, velocities = np.empty_like(seen.speeds), np.empty_like(seen.speeds)
-        self._run(simulator, self.network_of(simulator).step, seen, (positions, velocities))
-        return torch.from_numpy(positions), torch.from_numpy(velocities), last
+        places, speeds = state.positions.contiguous().numpy(), state.velocities.contiguous().numpy()
+        last = self.last_look(around, len(places))
+        reached = np.empty_like(places), np.empty_like(places), np.empty(len(places), bool)
+        radius = simulator.architecture.radius
+        most = most_edges(len(places), radius)
+        edges, done = self.network_of(simulator).next_frame(
+            places,
+            speeds,
+            around.as_arrays,
+            *felt_by(around),
+            around.asked(),
+            ALLOWED,
+            guarded,
+            GAIN,
+            last,
+            reached,
+            self.path,
+            torch.get_num_threads(),
+            most,
+        )
+        refuse_collapse(edges, most, radius)
+        self.looked = around, last
+        return Taken(*(torch.from_numpy(value) for value in reached), Look(*map(torch.from_numpy, last)), done)
 
-    def look_again(self, ahead: Tensor, around: Surroundings) -> tuple[Look, Tensor]:
-        """From where each particle looked at the solid last, and how far that is off (N,) at least, metres.
+    def last_look(self, around: Surroundings, count: int) -> tuple[np.ndarray, np.ndarray]:
+        """From where each of ``count`` particles looked at the solid last (N, 3), and how far it was then (N,), metres.
 
-        From ``ahead`` (N, 3) only those look that may be near it there: the rule feels the solid by its map; how far
-        off it is exactly only the guard has to know, of what comes near. A learned distance may exaggerate, so a way
-        counts twice.
+        Copies: others may be stepping from the same look.
         """
         before = self.looked
-        if before is None or before[0] is not around or len(before[1].places) != len(ahead):
-            places, distance = ahead.clone(), torch.zeros(len(ahead))  # so near that all of them look
-        else:
-            places, distance = before[1].places.clone(), before[1].distance.clone()
-        at_least = torch.empty(len(ahead))
-        written = (value.numpy() for value in (places, distance, at_least))
-        native.look_again(ahead.numpy(), around.asked(), CLEARANCE, *written, torch.get_num_threads())
-        self.looked = around, Look(places, distance)
-        return self.looked[1], at_least
+        if before is None or before[0] is not around or len(before[1][1]) != count:
+            return np.zeros((count, 3), np.float32), np.zeros(count, np.float32)  # so near that all of them look
+        return before[1][0].copy(), before[1][1].copy()
 
     @torch.no_grad()
-    def observe(self, simulator: Simulator, state: State, around: Surroundings) -> tuple[LookAhead, Features]:
-        """What the network is told, and what it is told from.
+    def observe(self, simulator: Simulator, state: State, around: Surroundings) -> tuple[Tensor, Tensor, Features]:
+        """Where ballistic motion leads (N, 3), how far off the solid is there (N,), and what the network is told.
 
         Raises:
             SimulationError: as of :meth:`take`.
         """
-        ahead = ballistic(state, around)
-        seen = look_ahead(state, around, ahead, *around.distance_and_normal(ahead))
-        count = len(seen.speeds)
+        ahead, _ = state.ballistic(around.gravity)
+        distance, normal = (value.float().contiguous() for value in around.distance_and_normal(ahead))
+        radius, count = simulator.architecture.radius, len(ahead)
         told = [np.empty((count, columns), np.float32) for columns in (ACTIONS, SURROUNDINGS, 3, 3, 3, 3)]
-        self._run(simulator, self.network_of(simulator).observe, seen, told)
+        seen = (state.positions.contiguous(), state.velocities.contiguous(), ahead, distance, normal)
+        most = most_edges(count, radius)
+        edges = self.network_of(simulator).observe(
+            *(value.numpy() for value in (*seen, around.gravity, around.lower, around.upper)),
+            *felt_by(around),
+            *told,
+            self.path,
+            torch.get_num_threads(),
+            most,
+        )
+        refuse_collapse(edges, most, radius)
         acts, lie, faster, farther, slope, places = (torch.from_numpy(values) for values in told)
-        radius = simulator.architecture.radius
-        near = neighbourhood(0.5 * (state.positions + seen.ahead), radius)
-        return seen, Features(acts, lie, faster, farther, slope, graph(places, near, radius))
-
-    def _run(self, simulator: Simulator, call: Callable[..., int], seen: LookAhead, to: Iterable[np.ndarray]) -> None:
-        radius = simulator.architecture.radius
-        most = most_edges(len(seen.ahead), radius)
-        edges = call(seen.places, seen.speeds, *seen.told, *to, self.path, torch.get_num_threads(), most)
-        if edges < 0:
-            raise blown_up()
-        if edges > most:
-            raise collapsed(radius)
+        near = neighbourhood(0.5 * (state.positions + ahead), radius)
+        return ahead, distance, Features(acts, lie, faster, farther, slope, graph(places, near, radius))
 
     def network_of(self, simulator: Simulator) -> native.Network:
         """The native network of the weights where they are now."""
@@ -179,23 +185,22 @@ class NativeStep:
         return self.network
 
 
-def ballistic(state: State, around: Surroundings) -> Tensor:
-    """Where ballistic motion would lead (N, 3), metres."""
-    places, speeds = state.positions.contiguous(), state.velocities.contiguous()
-    ahead = torch.empty_like(places)
-    drop = free_fall_drop(around.gravity)
-    native.fall(places.numpy(), speeds.numpy(), FRAME_TIME, drop.numpy(), ahead.numpy())
-    return ahead
-
-
-def look_ahead(state: State, around: Surroundings, ahead: Tensor, distance: Tensor, normal: Tensor) -> LookAhead:
-    """What the native code is given; the solid has that distance (N,) and normal (N, 3) from ``ahead`` (N, 3)."""
-    places, speeds = state.positions.contiguous().numpy(), state.velocities.contiguous().numpy()
-    distance, normal = distance.float(), normal.float().contiguous()
-    told = [value.numpy() for value in (ahead, distance, normal, around.gravity, around.lower, around.upper)]
+def felt_by(around: Surroundings) -> tuple[native.SolidMap | None, np.ndarray]:
+    """The solid's map, and how it is turned."""
     felt = around.felt
-    told += [None, UNTURNED] if felt is None else [felt.tables.native, felt.turn]
-    return LookAhead(places, speeds, ahead, distance, told)
+    return (None, UNTURNED) if felt is None else (felt.tables.native, felt.turn)
+
+
+def refuse_collapse(edges: int, most: int, radius: float) -> None:
+    """Raise what a number of edges tells of, see :meth:`native.Network.next_frame`.
+
+    Raises:
+        SimulationError: a position is not finite, or the particles have collapsed into a clump.
+    """
+    if edges < 0:
+        raise blown_up()
+    if edges > most:
+        raise collapsed(radius)
 
 
 def native_network(simulator: Simulator) -> native.Network:

@@ -109,8 +109,7 @@ class Simulator(LearnedSimulator[State]):
         """
         falling = state.velocities + FRAME_TIME * around.gravity
         if self.native.can_observe(state, around, self.network):
-            looked, told = self.native.observe(self, state, around)
-            ahead, distance = looked.ahead, looked.distance
+            ahead, distance, told = self.native.observe(self, state, around)
         else:
             ahead, _ = state.ballistic(around.gravity)
             distance, normal = around.distance_and_normal(ahead)
@@ -134,10 +133,13 @@ class Simulator(LearnedSimulator[State]):
         """The state one frame later, and which particles (N,) the guard had to move.
 
         What it would gain in mechanical energy is cut back, then comes the guard. On a CPU, where no gradient is
-        wanted, the native step does what :meth:`observe`, :meth:`correct` and :meth:`advance` do, up to rounding.
+        wanted, the native step does it all at once, up to rounding, but for the cutting back, which is rare.
         """
         if self.native.can_take(state, around, self.network):
-            positions, velocities, last = self.native.take(self, state, around)
+            taken = self.native.take(self, state, around, guarded)
+            if taken.done:
+                return state.moved_to(taken.positions, taken.velocities), taken.moved
+            positions, velocities, last = taken.positions, taken.velocities, taken.last
         else:
             seen = self.observe(state, around)
             positions, velocities = self.advance(seen, self.correct(seen))

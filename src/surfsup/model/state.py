@@ -105,6 +105,12 @@ class Surroundings:
             None if self.felt is None else self.felt.turned(matrix),
         )
 
+    @cached_property
+    def as_arrays(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Gravity, what it adds to a frame's way, and the corners of the container, (3,) each, for the native code."""
+        drop = free_fall_drop(self.gravity)
+        return tuple(value.numpy() for value in (self.gravity, drop, self.lower, self.upper))
+
     def asked(self) -> native.Solid | Callable[..., None] | None:
         """Whom the native code asks for distances: the solid in C++ or, where it has none, :meth:`write_look`."""
         if self.surface is None:

@@ -16,10 +16,8 @@ if TYPE_CHECKING:
         convolve,
         convolve_back,
         energy_gain,
-        fall,
         find_pairs,
         guard,
-        look_again,
         paths,
         sample,
         sum_fours,
@@ -35,10 +33,8 @@ else:
             convolve,
             convolve_back,
             energy_gain,
-            fall,
             find_pairs,
             guard,
-            look_again,
             paths,
             sample,
             sum_fours,
@@ -46,8 +42,8 @@ else:
         )
     except ImportError:  # the package was installed without a compiler
         Network = Solid = SolidMap = Triangles = None
-        convolve = convolve_back = energy_gain = fall = find_pairs = guard = None
-        look_again = sample = sum_fours = sum_fours_back = None
+        convolve = convolve_back = energy_gain = find_pairs = guard = None
+        sample = sum_fours = sum_fours_back = None
 
         def paths() -> list[str]:
             """No instruction set: nothing is native."""
@@ -62,10 +58,8 @@ __all__ = [
     "convolve",
     "convolve_back",
     "energy_gain",
-    "fall",
     "find_pairs",
     "guard",
-    "look_again",
     "paths",
     "sample",
     "sum_fours",

@@ -31,27 +31,6 @@ def energy_gain(
 ) -> float:
     """How much mechanical energy a step adds, mean J/kg; all but ``gravity`` (3,) are (N, 3)."""
 
-def fall(positions: Vectors, velocities: Vectors, time: float, drop: Vector, ahead: Vectors) -> None:
-    """Write where ballistic motion leads (N, 3) in ``time`` seconds, in which particles fall by ``drop`` (3,)."""
-
-def look_again(
-    ahead: Vectors,
-    solid: Asked,
-    clearance: float,
-    places: Vectors,
-    distance: Values,
-    at_least: Values,
-    threads: int,
-) -> None:
-    """Ask about those particles that, now ``ahead`` (N, 3), may be nearer than ``clearance`` to the solid.
-
-    They were ``distance`` (N,) from it at ``places`` (N, 3), where a distance is believed half. Both become, in place,
-    those of now for whom it asks about. ``at_least`` (N,) is written: how far the solid is off ``ahead``, or farther.
-
-    Raises:
-        ValueError: sizes do not fit, or there is no solid.
-    """
-
 def guard(
     before: Vectors,
     positions: Vectors,
@@ -59,9 +38,7 @@ def guard(
     moved: np.ndarray,
     lower: Vector,
     upper: Vector,
-    clearance: float,
-    tolerance: float,
-    rounds: int,
+    clearance: tuple[float, float, int],
     solid: Asked | None,
     last: tuple[Vectors, Values] | None,
     threads: int,
@@ -71,12 +48,11 @@ def guard(
     Args:
         before: (N, 3) one frame earlier.
         positions, velocities: (N, 3).
-        lower, upper: (3,), between which particles may be.
-        clearance: from the solid that they get.
-        tolerance: short of it that they may stay.
-        rounds: of pushes, at most.
+        lower, upper: (3,), corners of the container.
+        clearance: metres from walls and solid that they get, and short of it that they may stay, and how often they are
+            pushed at most.
         solid: whom to ask.
-        last: as ``places`` and ``distance`` of :func:`look_again`; without it all are looked at.
+        last: places (N, 3) where they were ``distance`` (N,) from the solid; without it all are looked at.
 
     Raises:
         ValueError: sizes do not fit.
@@ -293,28 +269,44 @@ class Network:
             ValueError: sizes do not fit.
         """
 
-    def step(
+    def next_frame(
         self,
         positions: Vectors,
         velocities: Vectors,
-        ahead: Vectors,
-        distance: Values,
-        normal: Vectors,
-        gravity: Vector,
-        lower: Vector,
-        upper: Vector,
+        around: tuple[Vector, Vector, Vector, Vector],
         map: SolidMap | None,
         turn: Matrix,
-        new_positions: Vectors,
-        new_velocities: Vectors,
+        solid: Asked | None,
+        clearance: tuple[float, float, int],
+        guarded: bool,
+        most_gain: float,
+        last: tuple[Vectors, Values],
+        reached: tuple[Vectors, Vectors, np.ndarray],
         path: str,
         threads: int,
         most_edges: int,
-    ) -> int:
-        """Write the positions and velocities of the next frame, before the guard; return the number of edges.
+    ) -> tuple[int, bool]:
+        """Write the positions, the velocities of the next frame, and whom the guard moved; in float32 and bool.
 
-        Every array is float32; those of particles are (N, 3), distance is (N,). It returns -1 where an entry of
-        ``ahead`` is not finite. With more than ``most_edges`` it stops and has written nothing.
+        Args:
+            positions, velocities: (N, 3).
+            around: gravity, what it adds to a frame's way, the corners of the container, all (3,).
+            map: of the solid.
+            turn: (3, 3), how it is turned.
+            solid: whom to ask how far it is.
+            clearance: as of :func:`guard`.
+            guarded: whether the guard is to be done.
+            most_gain: J/kg that the frame may gain on the mean.
+            last: places (N, 3) from where each particle looked at the solid last, and how far it was from there (N,).
+                Whoever may have come near looks again: then both are those of this time. A distance is believed half.
+            reached: (N, 3), (N, 3) and (N,), what is written.
+            path: the instruction set.
+            threads: at most.
+            most_edges: with more than that it stops.
+
+        Returns:
+            The number of edges, -1 where ballistic motion leads to what is not finite, and whether it is done: where
+            more energy would be gained it has not been guarded yet.
 
         Raises:
             ValueError: sizes do not fit, or the processor cannot go the path.
@@ -343,4 +335,11 @@ class Network:
         threads: int,
         most_edges: int,
     ) -> int:
-        """Write what the network is told of each particle; all else as :meth:`step`."""
+        """Write what the network is told of each particle, and return the number of edges as :meth:`next_frame` does.
+
+        It is at ``ahead`` (N, 3) in ballistic motion; ``distance`` (N,) and ``normal`` (N, 3) are the solid's there.
+
+        Raises:
+            ValueError: sizes do not fit, or the processor cannot go the path.
+            MemoryError: the neighbours do not fit into memory.
+        """

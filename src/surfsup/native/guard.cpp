@@ -84,9 +84,9 @@ void look_again(const float* ahead, int32_t count, float clearance, const Ask& a
 
 void guard(const float* before, float* positions, float* velocities, bool* moved, int32_t count, const Clearance& clearance,
            const Ask& ask, const float* places, const float* distance) {
-    const auto contain_one = [&](int64_t i) {
-        return contain(positions + 3 * i, velocities + 3 * i, clearance.lower, clearance.upper);
-    };
+    float lower[3], upper[3];
+    for (int axis = 0; axis < 3; ++axis) lower[axis] = clearance.lower[axis] + clearance.metres, upper[axis] = clearance.upper[axis] - clearance.metres;
+    const auto contain_one = [&](int64_t i) { return contain(positions + 3 * i, velocities + 3 * i, lower, upper); };
     for (int64_t i = 0; i < count; ++i) moved[i] = contain_one(i);
     if (!ask) return;
     std::vector<int32_t> at;

@@ -13,8 +13,8 @@ using Ask = std::function<void(float* points, int32_t count, float* distance, fl
 
 // How close to solid and walls a particle may come.
 struct Clearance {
-    const float *lower, *upper;  // corners for a particle's middle
-    float metres, tolerance;     // from the solid, and how short of it a particle may stay
+    const float *lower, *upper;  // corners of the container
+    float metres, tolerance;     // from walls and solid to a particle's middle, and how short of it from a solid it may stay
     int rounds;                  // pushes at most
 };
 

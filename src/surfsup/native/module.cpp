@@ -17,6 +17,7 @@
 #include "guard.hpp"
 #include "mesh.hpp"
 #include "network.hpp"
+#include "rollout.hpp"
 #include "solid.hpp"
 #include "triangles.hpp"
 
@@ -131,17 +132,6 @@ surfsup::Fluid fluid_of(const Vectors& positions, const Vectors& velocities, con
     expect(normal.shape(0), count, "normal");
     return {static_cast<int32_t>(count), positions.data(), velocities.data(), ahead.data(), distance.data(), normal.data(),
             gravity.data(), lower.data(), upper.data(), map ? map->view(turn.data()) : surfsup::MapView{}};
-}
-
-int64_t step(HeldNetwork& held, Vectors positions, Vectors velocities, Vectors ahead, Values distance, Vectors normal, Vector gravity,
-             Vector lower, Vector upper, const surfsup::SolidMap* map, Turn turn, NewVectors new_positions, NewVectors new_velocities, const std::string& path, int threads,
-             int64_t most_edges) {
-    const surfsup::Fluid fluid = fluid_of(positions, velocities, ahead, distance, normal, gravity, lower, upper, map, turn);
-    expect(new_positions.shape(0), velocities.shape(0), "new_positions");
-    expect(new_velocities.shape(0), velocities.shape(0), "new_velocities");
-    const surfsup::Path& chosen = path_of(path);
-    const nb::gil_scoped_release unlocked;
-    return held.network.step(fluid, new_positions.data(), new_velocities.data(), chosen, threads, most_edges);
 }
 
 int64_t observe(HeldNetwork& held, Vectors positions, Vectors velocities, Vectors ahead, Values distance, Vectors normal, Vector gravity,
@@ -348,31 +338,48 @@ surfsup::Ask ask_of(const nb::object& solid, int threads) {
     };
 }
 
+// Metres of clearance and short of it, and rounds of pushes.
+using Allowed = std::tuple<float, float, int>;
+
 int32_t particles_of(size_t count) {
     if (count > static_cast<size_t>(std::numeric_limits<int32_t>::max() - 4096))
         throw std::invalid_argument("there are more particles than can be counted");
     return static_cast<int32_t>(count);
 }
 
-void fall(Vectors positions, Vectors velocities, float time, Vector drop, NewVectors ahead) {
-    expect(velocities.shape(0), positions.shape(0), "velocities");
-    expect(ahead.shape(0), positions.shape(0), "ahead");
-    surfsup::fall(positions.data(), velocities.data(), static_cast<int64_t>(positions.shape(0)), time, drop.data(), ahead.data());
-}
-
-void look_again(Vectors ahead, const nb::object& solid, float clearance, NewVectors places, NewValues distance, NewValues at_least, int threads) {
-    const size_t count = ahead.shape(0);
+nb::tuple next_frame(HeldNetwork& held, Vectors positions, Vectors velocities, std::tuple<Vector, Vector, Vector, Vector> around,
+                     const surfsup::SolidMap* map, Turn turn, const nb::object& solid, Allowed clearance, bool guarded,
+                     double most_gain, std::tuple<NewVectors, NewValues> last, std::tuple<NewVectors, NewVectors, NewFlags> reached,
+                     const std::string& path, int threads, int64_t most_edges) {
+    const auto& [gravity, drop, lower, upper] = around;
+    const auto& [places, distance] = last;
+    const auto& [new_positions, new_velocities, moved] = reached;
+    const size_t count = positions.shape(0);
+    if (count >= static_cast<size_t>(std::numeric_limits<int32_t>::max()) / surfsup::MOTION)
+        throw std::invalid_argument("there are more particles than the native step can count");
+    expect(velocities.shape(0), count, "velocities");
     expect(places.shape(0), count, "places");
     expect(distance.shape(0), count, "distance");
-    expect(at_least.shape(0), count, "at_least");
+    expect(new_positions.shape(0), count, "new_positions");
+    expect(new_velocities.shape(0), count, "new_velocities");
+    expect(moved.shape(0), count, "moved");
+    const surfsup::Path& chosen = path_of(path);
     const surfsup::Ask ask = ask_of(solid, threads);
-    if (!ask) throw std::invalid_argument("there is no solid to look at");
-    const nb::gil_scoped_release unlocked;
-    surfsup::look_again(ahead.data(), particles_of(count), clearance, ask, places.data(), distance.data(), at_least.data());
+    const auto& [metres, tolerance, rounds] = clearance;
+    const surfsup::Fluid fluid = {static_cast<int32_t>(count), positions.data(), velocities.data(), nullptr, nullptr, nullptr,
+                                  gravity.data(), lower.data(), upper.data(), map ? map->view(turn.data()) : surfsup::MapView{}};
+    surfsup::Outcome outcome;
+    {
+        const nb::gil_scoped_release unlocked;
+        outcome = surfsup::next_frame(held.network, fluid, drop.data(), ask, {lower.data(), upper.data(), metres, tolerance, rounds}, guarded,
+                                      most_gain, {places.data(), distance.data()},
+                                      {new_positions.data(), new_velocities.data(), moved.data()}, chosen, threads, most_edges);
+    }
+    return nb::make_tuple(outcome.edges, outcome.done);
 }
 
-void guard(Vectors before, NewVectors positions, NewVectors velocities, NewFlags moved, Vector lower, Vector upper, float clearance,
-           float tolerance, int rounds, const nb::object& solid, std::optional<std::tuple<Vectors, Values>> last, int threads) {
+void guard(Vectors before, NewVectors positions, NewVectors velocities, NewFlags moved, Vector lower, Vector upper, Allowed clearance,
+           const nb::object& solid, std::optional<std::tuple<Vectors, Values>> last, int threads) {
     const size_t count = positions.shape(0);
     expect(before.shape(0), count, "before");
     expect(velocities.shape(0), count, "velocities");
@@ -380,9 +387,10 @@ void guard(Vectors before, NewVectors positions, NewVectors velocities, NewFlags
     if (last) expect(std::get<0>(*last).shape(0), count, "places");
     if (last) expect(std::get<1>(*last).shape(0), count, "distance");
     const surfsup::Ask ask = ask_of(solid, threads);
+    const auto& [metres, tolerance, rounds] = clearance;
     const nb::gil_scoped_release unlocked;
     surfsup::guard(before.data(), positions.data(), velocities.data(), moved.data(), particles_of(count),
-                   {lower.data(), upper.data(), clearance, tolerance, rounds}, ask, last ? std::get<0>(*last).data() : nullptr,
+                   {lower.data(), upper.data(), metres, tolerance, rounds}, ask, last ? std::get<0>(*last).data() : nullptr,
                    last ? std::get<1>(*last).data() : nullptr);
 }
 
@@ -460,11 +468,8 @@ NB_MODULE(_native, module) {
                "threads"_a);
     module.def("sum_fours_back", sum_fours_back, array("starts"), array("senders"), array("kernels"), array("gradient"),
                array("to_values"), "threads"_a);
-    module.def("fall", fall, array("positions"), array("velocities"), "time"_a, array("drop"), array("ahead"));
-    module.def("look_again", look_again, array("ahead"), "solid"_a, "clearance"_a, array("places"), array("distance"), array("at_least"),
-               "threads"_a);
     module.def("guard", guard, array("before"), array("positions"), array("velocities"), array("moved"), array("lower"), array("upper"),
-               "clearance"_a, "tolerance"_a, "rounds"_a, "solid"_a.none(), "last"_a.none(), "threads"_a);
+               "clearance"_a, "solid"_a.none(), "last"_a.none(), "threads"_a);
     module.def("energy_gain", energy_gain, array("positions"), array("velocities"), array("new_positions"),
                array("new_velocities"), array("gravity"));
     module.def("find_pairs", find_pairs, array("positions"), "radius"_a, "most_edges"_a, "threads"_a);
@@ -489,9 +494,8 @@ NB_MODULE(_native, module) {
              "solids"_a, "radius"_a, "frame_time"_a, "displacement_scale"_a, "velocity_scale"_a, "slope_scale"_a,
              "density_scale"_a, "own_density"_a, "steps"_a, "of_rise"_a, "of_excess"_a, "slow"_a, "least"_a, "most_dense"_a, "viscosity"_a,
              "softened"_a, "pressure_scale"_a, "position_share"_a, "largest"_a, "thickest"_a)
-        .def("step", step, array("positions"), array("velocities"),
-             array("ahead"), array("distance"), array("normal"), array("gravity"), array("lower"), array("upper"), "map"_a.none(), array("turn"),
-             array("new_positions"), array("new_velocities"), "path"_a, "threads"_a, "most_edges"_a)
+        .def("next_frame", next_frame, array("positions"), array("velocities"), array("around"), "map"_a.none(), array("turn"), "solid"_a.none(),
+             "clearance"_a, "guarded"_a, "most_gain"_a, array("last"), array("reached"), "path"_a, "threads"_a, "most_edges"_a)
         .def("observe", observe, array("positions"), array("velocities"),
              array("ahead"), array("distance"), array("normal"), array("gravity"), array("lower"), array("upper"), "map"_a.none(), array("turn"),
              array("acts"), array("lie"), array("faster"), array("farther"), array("slope"), array("places"), "path"_a, "threads"_a, "most_edges"_a);
