@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import threading
 from abc import abstractmethod
-from collections.abc import Iterator
-from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -27,10 +24,6 @@ CELL = 0.05  # of the lattice, in the same unit
 MARGIN = 0.25  # that the lattice reaches beyond the solid
 LATTICE_RESOLUTION = 64  # cells along the box of the mesh that the lattice is taken of
 EXACT_RESOLUTION = 160  # cells along the longest side of the mesh that metrics are taken by
-# Points up to which one thread is faster than two: torch's wait for each other after each of the many small products,
-# and where others compute beside them that takes longer than the products (measured).
-FEW = 8192
-setting_threads = threading.Lock()  # how many there are is the whole process's
 
 
 class NeuralSurface(Surface):
@@ -67,13 +60,6 @@ class NeuralSurface(Surface):
         found = self.distance_natively(points)
         if found is not None:
             return found
-        if self.is_recording(points):
-            return self.look_at_distance(points)
-        with threads_for(points):
-            return self.look_at_distance(points)
-
-    def look_at_distance(self, points: Tensor) -> Tensor:
-        """Distance, as far as gradients are recorded."""
         single = points.float()
         if self.lattice is None:
             return self.value(single).to(points.dtype)
@@ -90,9 +76,7 @@ class NeuralSurface(Surface):
         found = self.look_natively(points)
         if found is not None:
             return found
-        if self.is_recording(points):
-            return self.look(points)
-        with torch.no_grad(), threads_for(points):
+        with torch.set_grad_enabled(self.is_recording(points)):
             return self.look(points)
 
     def look(self, points: Tensor) -> tuple[Tensor, Tensor]:
@@ -154,21 +138,6 @@ class NeuralSurface(Surface):
         if self.exact:
             return self.exact_surface().to_mesh()
         return polygonise(self, resolution)
-
-
-@contextmanager
-def threads_for(points: Tensor) -> Iterator[None]:
-    """Within it torch computes with one thread where ``points`` are few."""
-    if len(points) > FEW or torch.get_num_threads() == 1:
-        yield
-        return
-    with setting_threads:
-        before = torch.get_num_threads()
-        torch.set_num_threads(1)
-        try:
-            yield
-        finally:
-            torch.set_num_threads(before)
 
 
 def standing(surface: NeuralSurface, largest_extent: float) -> Transformed:
