@@ -156,7 +156,6 @@ def profile(scene: Scene, model_name: str | None) -> dict[str, float]:
     parts = {
         "whole step": lambda: model.step(state, around),
         "distances to the solid": lambda: around.distance_and_normal(positions),
-        "the same without Python around it": lambda: model.native.take(model, state, around),
         "guard, with distances": lambda: guard(state.positions, positions, velocities, around, last),
     }
     return {name: min(timed(part, 1)[1] for _ in range(20)) for name, part in parts.items()}

@@ -2,6 +2,7 @@ import copy
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,15 +12,16 @@ from hypothesis import strategies as st
 
 from surfsup import native
 from surfsup.errors import SimulationError
-from surfsup.model import weights
+from surfsup.model import native_step, weights
+from surfsup.model.energy import GAIN, energy_gain
 from surfsup.model.features import DISPLACEMENT_SCALE
-from surfsup.model.guard import ALLOWED, CLEARANCE
+from surfsup.model.guard import ALLOWED, CLEARANCE, guard
 from surfsup.model.native_step import NativeStep
 from surfsup.model.simulator import Architecture, Simulator
 from surfsup.model.solid_map import SolidMap
 from surfsup.model.state import FRAME_TIME, State, Surroundings
 from surfsup.scene import Container
-from surfsup.sdf import Box, Sphere, Surface, Transformed
+from surfsup.sdf import Box, MeshSurface, Sphere, Surface, Transformed, load_siren, standing
 
 pytestmark = pytest.mark.skipif(
     not native.paths(), reason="the package was built without a compiler, so there is no native step"
@@ -32,9 +34,12 @@ SOLIDS = ("a solid without a map", "a turned solid", "inside a solid")
 every_path = pytest.mark.parametrize("path", native.paths())
 
 
+BOUNDS = torch.tensor([-0.5, -0.5, 0.0]), torch.tensor([0.5, 0.5, 2.0])
+
+
 def around(surface: Surface | None = None, gravity: torch.Tensor = GRAVITY) -> Surroundings:
     felt = None if surface is None else SolidMap.of(surface, Container())
-    return Surroundings(surface, torch.tensor([-0.5, -0.5, 0.0]), torch.tensor([0.5, 0.5, 2.0]), gravity, felt)
+    return Surroundings(surface, *BOUNDS, gravity, felt)
 
 
 def model(seed: int = 0, width: int = 32, layers: int = 5, **sizes) -> Simulator:
@@ -396,6 +401,87 @@ def test_an_error_of_a_solid_in_python_comes_through():
     place = replace(around(BALL), surface=Broken(Sphere(0.3)))
     with torch.no_grad(), pytest.raises(RuntimeError, match="the solid is broken"):
         model(layers=1).step(stirred(60), place)
+
+
+class Kept(Transformed):
+    """A surface that keeps what it was asked, and what that was then."""
+
+    def __init__(self, *parts) -> None:
+        super().__init__(*parts)
+        self.kept: list[tuple[torch.Tensor, torch.Tensor]] = []
+
+    def native_solid(self) -> None:
+        return None
+
+    def distance(self, points: torch.Tensor) -> torch.Tensor:
+        self.kept.append((points, points.detach().clone()))
+        return super().distance(points)
+
+    def distance_and_normal(self, points: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+        self.kept.append((points, points.detach().clone()))
+        return super().distance_and_normal(points)
+
+
+@pytest.mark.parametrize("mapped", [True, False])
+def test_what_a_solid_in_python_was_asked_stays_as_it_was(mapped):
+    surface = Kept(Sphere(0.3), None, (0.0, 0.0, 0.3))
+    place = replace(around(BALL), surface=surface) if mapped else Surroundings(surface, *BOUNDS, GRAVITY)
+    fallen(6, place)
+    assert len(surface.kept) > 3
+    assert all(torch.equal(points, then) for points, then in surface.kept)
+
+
+@pytest.mark.parametrize("mapped", [True, False])
+@pytest.mark.parametrize("surface", ["ball", "mesh", "network"])
+def test_a_guarded_frame_is_torch_s_step_and_torch_s_guard(surface, mapped, monkeypatch):
+    solid = {
+        "ball": Sphere(0.3),
+        "mesh": MeshSurface(Sphere(0.3).to_mesh(24), cells=24),
+        "network": standing(load_siren(Path("coral")), 0.6),
+    }[surface]
+    solid = Transformed(solid, None, (0.0, 0.0, 0.3))
+    place = around(solid) if mapped else replace(around(solid), felt=None)
+    positions = torch.rand(20000, 3, generator=torch.Generator().manual_seed(1)) - torch.tensor([0.5, 0.5, 0.0])
+    distance, normal = solid.distance_and_normal(positions)
+    inward = State(positions, -20.0 * normal)  # faster than the rule and the network may stop them
+    state = State(*(value[(distance > 0.021) & (distance < 0.024)] for value in vars(inward).values()))
+    simulator = model(layers=1)
+    monkeypatch.setattr(native_step, "GAIN", float("inf"))
+    with torch.no_grad():
+        taken = simulator.native.take(simulator, state, place)
+        assert taken.done and taken.moved.any()
+        positions, velocities = by_torch(simulator, state, place)
+        monkeypatch.setattr("surfsup.model.guard.can_guard_natively", lambda *_: False)
+        kept = guard(state.positions, positions, velocities, place)
+    alike = (taken.positions - kept.positions).abs().amax(dim=-1) < 2e-5
+    assert alike.float().mean() > 0.99  # in creases rounding may send a particle the other way
+    assert alike[kept.moved].any()
+    assert (taken.moved == kept.moved).float().mean() > 0.99
+    torch.testing.assert_close(taken.velocities[alike], kept.velocities[alike], atol=5e-2, rtol=0)
+
+
+def test_a_frame_that_would_gain_energy_is_left_to_be_cut_back():
+    simulator, state, place = model(layers=1), stirred(400), around(BALL)
+    torch.nn.init.normal_(simulator.network.decoder[-1].weight, std=100.0)
+    with torch.no_grad():
+        taken = simulator.native.take(simulator, state, place)
+        assert not taken.done and not taken.moved.any()
+        assert energy_gain(state, taken.positions, taken.velocities, GRAVITY) > GAIN
+        after, _ = simulator.step(state, place)
+    assert energy_gain(state, after.positions, after.velocities, GRAVITY) <= GAIN
+
+
+def test_without_a_map_a_shape_that_changes_is_seen_as_it_is():
+    ball = Sphere(0.1)
+    place = replace(around(BALL), surface=Transformed(ball, None, (0.0, 0.0, 0.3)), felt=None)
+    simulator, state = model(layers=1), State(torch.tensor([[0.0, 0.0, 0.55]]), torch.zeros(1, 3))
+    with torch.no_grad():
+        _, moved = simulator.step(state, place)
+        assert not moved.any()
+        ball.radius.fill_(0.3)
+        after, moved = simulator.step(state, place)
+    assert moved.all()
+    assert float(place.surface.distance(after.positions)) == pytest.approx(CLEARANCE, abs=1e-5)
 
 
 def test_a_step_does_not_depend_on_the_steps_before():

@@ -1,3 +1,7 @@
+import copy
+import pickle
+from dataclasses import replace
+
 import torch
 
 from surfsup.model.state import Surroundings
@@ -10,6 +14,15 @@ ELSEWHERE = "meta"  # a device that every torch has
 
 def turned_ball() -> Transformed:
     return Transformed(Sphere(0.3), torch.eye(3))
+
+
+def test_it_can_be_copied_though_the_native_code_has_looked_at_it():
+    around = Surroundings.of(SCENE, turned_ball())
+    assert around.asked() is not None
+    assert around.as_arrays
+    twin = pickle.loads(pickle.dumps(replace(around, felt=None)))  # a map's tables are made by a function
+    assert torch.equal(twin.surface.distance(torch.ones(1, 3)), around.surface.distance(torch.ones(1, 3)))
+    assert copy.deepcopy(around).felt is not None
 
 
 def test_on_another_device_the_caller_s_surface_stays_where_it_was_and_still_answers():

@@ -100,6 +100,7 @@ SOLIDS = {
     "nested": Union(Difference(Union(Sphere(0.3), Box((0.7, 0.2, 0.2))), Cylinder(0.1, 1.0)), boxes(3)),
 }
 every_solid = pytest.mark.parametrize("name", SOLIDS)
+every_path = pytest.mark.parametrize("path", native.paths())
 
 
 def by_torch(surface: Surface, points: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
@@ -108,8 +109,10 @@ def by_torch(surface: Surface, points: torch.Tensor) -> tuple[torch.Tensor, torc
     return distance.float(), normal.float()
 
 
+@every_path
 @every_solid
-def test_distance_and_normal_are_those_of_torch(name):
+def test_distance_and_normal_are_those_of_torch(name, path, monkeypatch):
+    monkeypatch.setattr(native, "paths", lambda: [path])
     surface = SOLIDS[name]
     assert surface.native_solid() is not None
     points = points_around(surface, 5000, dtype=torch.float32)
@@ -227,13 +230,48 @@ def test_grids_that_do_not_fit_each_other_are_refused(wrong):
         "near": 0.1,
         "agree": 0.9,
         "touching": 1e-6,
-        "rest": TORUS.write_look,
+        "rest": TORUS.look_up_rest,
     }
     native.Solid.of_mesh(**given)
     value = given[wrong]
     given[wrong] = (value[0][:-1], *value[1:]) if isinstance(value, tuple) else value[:-1]
     with pytest.raises(ValueError):
         native.Solid.of_mesh(**given)
+
+
+def test_a_code_may_be_a_part_of_a_larger_tensor():
+    surface = code(16, 3, 1)
+    points = points_around(surface, 50, dtype=torch.float32)
+    strided = DeepSdfSurface(surface.network, torch.stack([surface.code] * 2, dim=1)[:, 1])
+    assert torch.equal(strided.distance(points), surface.distance(points))
+
+
+def test_a_solid_in_cpp_stays_as_it_was_when_its_network_changes():
+    surface = sines(16, 2)
+    solid, points = surface.native_solid(), points_around(surface, 100, dtype=torch.float32).numpy()
+    before, after = (np.empty(100, np.float32) for _ in range(2))
+    solid.look(points, before, None, native.paths()[0], 1)
+    with torch.no_grad():
+        for value in surface.network.parameters():
+            value.mul_(1.1)
+    solid.look(points, after, None, native.paths()[0], 1)
+    assert np.array_equal(before, after)
+
+
+def test_a_network_far_from_its_cube_tells_some_number():
+    surface = sines(16, 2)
+    assert torch.isfinite(surface.distance(torch.full((3, 3), 1e9))).all()
+
+
+@pytest.mark.parametrize("off", [0.0, 2e-4])
+def test_leaves_lie_where_closed_forms_do_though_a_turn_is_rounded(off):
+    turn = TURN + off * torch.randn(3, 3, generator=torch.Generator().manual_seed(0))
+    mesh, ball = (
+        Transformed(Transformed(part, TURN, (1.0, 1.0, 0.0)), turn, (0.3, 0.2, 0.1))
+        for part in (TORUS, Torus(0.3, 0.1))
+    )
+    points = points_around(ball, 500, dtype=torch.float32)
+    torch.testing.assert_close(mesh.distance_and_normal(points)[0], by_torch(mesh, points)[0], atol=2e-6, rtol=0)
 
 
 def test_the_mesh_of_a_network_is_asked_where_all_is_to_be_exact():
@@ -301,5 +339,5 @@ def test_a_native_solid_of_the_wrong_things_is_refused(kind, numbers, parts):
 def test_sizes_that_do_not_fit_are_refused():
     with pytest.raises(ValueError, match="distance has 3 rows, but must have 2"):
         native.Solid("sphere", [1.0], []).look(
-            np.zeros((2, 3), np.float32), np.zeros(3, np.float32), np.zeros((2, 3), np.float32), 1
+            np.zeros((2, 3), np.float32), np.zeros(3, np.float32), np.zeros((2, 3), np.float32), native.paths()[0], 1
         )

@@ -118,6 +118,7 @@ def guard_natively(
         ALLOWED,
         around.asked(),
         looked,
+        native.paths()[0],
         torch.get_num_threads(),
     )
     return Guarded(*(torch.from_numpy(value) for value in fluid))

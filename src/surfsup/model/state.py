@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from copy import deepcopy
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 
 import numpy as np
@@ -66,7 +66,7 @@ def free_fall_drop(gravity: Tensor) -> Tensor:
 
 @dataclass(frozen=True)
 class Surroundings:
-    """All that acts on the fluid from outside.
+    """All that acts on the fluid from outside, and does not change: where it does, make another.
 
     Attributes:
         surface: the solid, or None.
@@ -81,6 +81,10 @@ class Surroundings:
     upper: Tensor
     gravity: Tensor
     felt: SolidMap | None = None
+
+    def __getstate__(self) -> dict[str, object]:
+        """What makes it up, without what was made for the native code, which can be neither copied nor pickled."""
+        return {field.name: getattr(self, field.name) for field in fields(self)}
 
     @classmethod
     def of(cls, scene: Scene, surface: Surface | None, device: torch.device | str = "cpu") -> Surroundings:
@@ -106,10 +110,9 @@ class Surroundings:
         )
 
     @cached_property
-    def as_arrays(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Gravity, what it adds to a frame's way, and the corners of the container, (3,) each, for the native code."""
-        drop = free_fall_drop(self.gravity)
-        return tuple(value.numpy() for value in (self.gravity, drop, self.lower, self.upper))
+    def as_arrays(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Gravity and the corners of the container, (3,) each, for the native code; they share the tensors' memory."""
+        return self.gravity.numpy(), self.lower.numpy(), self.upper.numpy()
 
     def asked(self) -> native.Solid | Callable[..., None] | None:
         """Whom the native code asks for distances: the solid in C++ or, where it has none, :meth:`write_look`."""
@@ -125,11 +128,11 @@ class Surroundings:
 
     def write_look(self, points: np.ndarray, distance: np.ndarray, normal: np.ndarray | None) -> None:
         """Write distance (N,) and, unless that is None, unit normal (N, 3) of the solid from ``points`` (N, 3)."""
+        own = torch.from_numpy(points.copy())  # a surface may keep what it was asked; that memory is used again
         if normal is None:
-            distance[:] = self.surface.distance(torch.from_numpy(points)).numpy()
-            return
-        looked = self.surface.distance_and_normal(torch.from_numpy(points))
-        distance[:], normal[:] = (value.numpy() for value in looked)
+            distance[:] = self.surface.distance(own).numpy()
+        else:
+            distance[:], normal[:] = (value.numpy() for value in self.surface.distance_and_normal(own))
 
     def records_gradients(self) -> bool:
         """Whether any parameter of the solid wants a gradient."""

@@ -6,9 +6,9 @@ from typing import TypeAlias
 import numpy as np
 
 Matrix = Bias = Vectors = Values = Vector = np.ndarray
-# A solid, or who writes the distance (N,) and, unless that is None, the unit normal (N, 3) of points (N, 3).
 # Table (X Y Z, 4), first node, middle, cell, nodes (X, Y, Z): see surfsup.sdf.mesh_cache.DistanceCache.
 Grid = tuple[np.ndarray, tuple[float, ...], tuple[float, ...], float, tuple[int, ...]]
+# A solid, or who writes the distance (N,) and, unless that is None, the unit normal (N, 3) of points (N, 3).
 Asked: TypeAlias = "Solid | Callable[[Vectors, Values, Vectors | None], None]"
 
 def paths() -> list[str]:
@@ -41,6 +41,7 @@ def guard(
     clearance: tuple[float, float, int],
     solid: Asked | None,
     last: tuple[Vectors, Values] | None,
+    path: str,
     threads: int,
 ) -> None:
     """The guard, see :func:`surfsup.model.guard.guard`, in place; mark whom it ``moved`` (N,).
@@ -53,9 +54,11 @@ def guard(
             pushed at most.
         solid: whom to ask.
         last: places (N, 3) where they were ``distance`` (N,) from the solid; without it all are looked at.
+        path: the instruction set to look at it with.
+        threads: at most.
 
     Raises:
-        ValueError: sizes do not fit.
+        ValueError: sizes do not fit, or the processor cannot go the path.
     """
 
 def convolve(
@@ -166,16 +169,10 @@ class Solid:
         lattice: tuple[np.ndarray, tuple[float, ...], float, tuple[int, ...]] | None,
         near: float,
     ) -> Solid:
-        """One that a network knows, in its own frame; all arrays are float32. Biases and what the code adds are copied.
+        """One that a network knows, in its own frame; all arrays are float32, and all but the lattice's are copied.
 
         Args:
-            layers: of each what the layer before is multiplied by (W, W), None in the first; what a place is (W, 3 + 6
-                octaves), in the first and where it comes in again; biases (W,); what the code is, (W, C).
-            last: (W,), what the last layer is multiplied by.
-            last_bias: (1,).
-            code: (C,).
-            frequency: of sines; 0 stands for rectified linear units.
-            octaves: of the sines and cosines of a place that come in beside it.
+            layers, last, last_bias, code, frequency, octaves: see :class:`surfsup.sdf.native_layers.NativeLayers`.
             lattice: a table (X Y Z, 4) as of :class:`surfsup.sdf.lattice.Lattice`, its first node, cell, (X, Y, Z).
             near: distance by the lattice up to which the network is asked.
 
@@ -213,11 +210,11 @@ class Solid:
             ValueError: sizes do not fit.
         """
 
-    def look(self, points: Vectors, distance: Values, normal: Vectors | None, threads: int) -> None:
+    def look(self, points: Vectors, distance: Values, normal: Vectors | None, path: str, threads: int) -> None:
         """Write the signed distance (N,) and, where wanted, the unit normal (N, 3) of ``points`` (N, 3), all float32.
 
         Raises:
-            ValueError: sizes do not fit.
+            ValueError: sizes do not fit, or the processor cannot go the path.
         """
 
 class SolidMap:
@@ -273,7 +270,7 @@ class Network:
         self,
         positions: Vectors,
         velocities: Vectors,
-        around: tuple[Vector, Vector, Vector, Vector],
+        around: tuple[Vector, Vector, Vector],
         map: SolidMap | None,
         turn: Matrix,
         solid: Asked | None,
@@ -290,7 +287,7 @@ class Network:
 
         Args:
             positions, velocities: (N, 3).
-            around: gravity, what it adds to a frame's way, the corners of the container, all (3,).
+            around: gravity and the corners of the container, (3,) each.
             map: of the solid.
             turn: (3, 3), how it is turned.
             solid: whom to ask how far it is.

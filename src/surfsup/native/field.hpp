@@ -34,11 +34,4 @@ struct Field {
     int features() const { return 3 + 6 * octaves; }
 };
 
-// What was told of some points: distance and gradient, a row each of `room` floats. Of the gradient only where it is wanted.
-struct FieldValues {
-    float* rows;
-    int64_t room;
-    bool with_gradient;
-};
-
 }  // namespace surfsup

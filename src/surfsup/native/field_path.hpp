@@ -3,19 +3,21 @@
 
 #include "field.hpp"
 #include "lanes.hpp"
+#include "tree.hpp"
 
 namespace PATH {
 namespace {
 
 using surfsup::Field;
 using surfsup::FieldLayer;
-using surfsup::FieldValues;
+using surfsup::LeafLook;
 using surfsup::Lattice;
 
-// Sine and cosine to 2e-7 of arguments up to some thousands.
+// Sine and cosine to 2e-7 of arguments up to some thousands; of those beyond some millions no more than that they are bounded.
 inline void sine_and_cosine(Floats x, Floats& sine, Floats& cosine) {
     const Floats quarters = rounded(x * 0.636619772f);
-    const Floats rest = ((x - quarters * 1.5703125f) - quarters * 4.837512969970703125e-4f) - quarters * 7.549789948768648e-8f;
+    Floats rest = ((x - quarters * 1.5703125f) - quarters * 4.837512969970703125e-4f) - quarters * 7.549789948768648e-8f;
+    rest = at_least(at_most(rest, 0.8f), -0.8f);
     const Floats square = rest * rest;  // Cephes sinf, cosf
     const Floats s = rest + rest * square * (-1.6666654611e-1f + square * (8.3321608736e-3f - square * 1.9515295891e-4f));
     const Floats c = 1.0f - 0.5f * square +
@@ -162,15 +164,15 @@ void ask_network(const Field& field, float* scratch, Floats (&value)[VECTORS], b
 
 // The network's word on the points (…, 3) in a list, in the columns of the same numbers.
 template <int VECTORS>
-inline void ask_points(const Field& field, const float* points, const int32_t* list, int count, const FieldValues& to, float* scratch) {
+inline void ask_points(const Field& field, const float* points, const int32_t* list, int count, const LeafLook& to, float* scratch) {
     constexpr int ROW = VECTORS * LANES;
     for (int k = 0; k < ROW; ++k)
         for (int axis = 0; axis < 3; ++axis) scratch[axis * ROW + k] = points[3 * static_cast<int64_t>(list[k < count ? k : 0]) + axis];
     Floats value[VECTORS];
-    ask_network<VECTORS>(field, scratch, value, to.with_gradient);
+    ask_network<VECTORS>(field, scratch, value, to.with_normal);
     for (int k = 0; k < count; ++k) {
         to.rows[list[k]] = value[k / LANES][k % LANES];
-        if (to.with_gradient)
+        if (to.with_normal)
             for (int axis = 0; axis < 3; ++axis) to.rows[(1 + axis) * to.room + list[k]] = scratch[axis * ROW + k];
     }
 }
@@ -215,14 +217,14 @@ inline void look_in(const Lattice& lattice, const float* point, float& distance,
 }
 
 // Distance and unit normal of points (count, 3): by the network near the solid, by the lattice elsewhere.
-void ask_field(const Field& field, const float* points, int32_t count, const FieldValues& to, int32_t* list, float* scratch) {
+void ask_field(const Field& field, const float* points, int32_t count, const LeafLook& to, int32_t* list, float* scratch) {
     int32_t near = 0;
     const int64_t room = to.room;
     for (int32_t i = 0; i < count; ++i) {
         if (field.lattice.table) {
             float gradient[3];
             look_in(field.lattice, points + 3 * static_cast<int64_t>(i), to.rows[i], gradient);
-            if (to.with_gradient)
+            if (to.with_normal)
                 for (int axis = 0; axis < 3; ++axis) to.rows[(1 + axis) * room + i] = gradient[axis];
             if (!(to.rows[i] < field.near && -to.rows[i] < field.near)) continue;
         }
@@ -237,7 +239,7 @@ void ask_field(const Field& field, const float* points, int32_t count, const Fie
         else
             ask_points<1>(field, points, list + done, left, to, scratch), done += LANES;
     }
-    if (!to.with_gradient) return;
+    if (!to.with_normal) return;
     for (int32_t i = 0; i < count; ++i) {
         float *x = to.rows + room + i, *y = x + room, *z = y + room;
         const float size = __builtin_sqrtf(*x * *x + *y * *y + *z * *z), scale = 1.0f / (size > 1e-12f ? size : 1e-12f);

@@ -4,6 +4,7 @@
 #include <array>
 #include <cstdint>
 
+#include "field.hpp"
 #include "solid_map.hpp"
 #include "tree.hpp"
 
@@ -151,8 +152,8 @@ struct Path {
     int64_t search_bytes;  // of `search`, zero at first in every frame
     // Signed distance of points begin to end, and their unit normal, unless that is null.
     void (*distance)(const Tree&, const float* points, int32_t begin, int32_t end, float* distance, float* normal);
-    // What a network tells of points (count, 3) in its own frame, for which it needs a list of them and so many floats.
-    void (*ask_field)(const Field&, const float* points, int32_t count, const FieldValues&, int32_t* list, float* scratch);
+    // What a network tells of points (count, 3) in its own frame, for which it needs a list of as many and so many floats.
+    void (*ask_field)(const Field&, const float* points, int32_t count, const LeafLook&, int32_t* list, float* scratch);
     int64_t (*field_scratch)(const Field&);
 };
 

@@ -63,11 +63,6 @@ struct Looked {
 
 }  // namespace
 
-void fall(const float* positions, const float* velocities, int64_t count, float time, const float* drop, float* ahead) {
-    for (int64_t at = 0; at < 3 * count; at += 3)
-        for (int axis = 0; axis < 3; ++axis) ahead[at + axis] = positions[at + axis] + time * velocities[at + axis] + drop[axis];
-}
-
 void look_again(const float* ahead, int32_t count, float clearance, const Ask& ask, float* places, float* distance, float* at_least) {
     const std::vector<int32_t> near = within_reach(ahead, places, distance, count, clearance);
     if (!near.empty()) {

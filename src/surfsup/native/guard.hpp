@@ -1,5 +1,4 @@
-// What happens to every particle besides the step itself: its free fall, the look at the solid, the guard, the account of
-// energy. Of all arrays, those of particles are (count, 3); positions in metres, velocities in m/s.
+// What happens to every particle besides the step itself: the look at the solid, the guard, the account of energy. Of all arrays, those of particles are (count, 3); positions in metres, velocities in m/s.
 #pragma once
 
 #include <cstdint>
@@ -17,9 +16,6 @@ struct Clearance {
     float metres, tolerance;     // from walls and solid to a particle's middle, and how short of it from a solid it may stay
     int rounds;                  // pushes at most
 };
-
-// Where ballistic motion would lead: so far by its velocity in `time`, and by `drop` (3) in its fall.
-void fall(const float* positions, const float* velocities, int64_t count, float time, const float* drop, float* ahead);
 
 // Asks about those particles that, now `ahead`, may be nearer than `clearance` to the solid, having been `distance` (count)
 // from it at `places`; both become those of now. `at_least` (count): how far the solid is off `ahead`, or farther.

@@ -1,10 +1,9 @@
-// What a solid is made of that is asked about many points at once.
+// What a solid is made of that is looked at from many points at once.
 #pragma once
 
 #include <cstdint>
 #include <memory>
 
-#include "field.hpp"
 #include "frame.hpp"
 
 namespace surfsup {
@@ -14,14 +13,14 @@ class Leaf {
 public:
     virtual ~Leaf() = default;
 
-    // Floats that `ask` needs.
+    // Floats that `look` needs.
     virtual int64_t scratch(const Path&) const { return 0; }
 
     // Distance and unit normal of points (count, 3); `list` has room for as many. It may leave a point without a number.
-    virtual void ask(const Path&, const float* points, int32_t count, const FieldValues&, int32_t* list, float* scratch) const = 0;
+    virtual void look(const Path&, const float* points, int32_t count, const LeafLook&, int32_t* list, float* scratch) const = 0;
 
     // The same of those points that were left, by the calling thread alone.
-    virtual void ask_rest(const float* points, int32_t count, float* distance, float* normal) const = 0;
+    virtual void look_at_rest(const float* points, int32_t count, float* distance, float* normal) const = 0;
 };
 
 // One that a network knows.
@@ -31,10 +30,10 @@ public:
     explicit FieldLeaf(std::shared_ptr<const Field> field) : field_(std::move(field)) {}
 
     int64_t scratch(const Path& path) const override { return path.field_scratch(*field_); }
-    void ask(const Path& path, const float* points, int32_t count, const FieldValues& to, int32_t* list, float* scratch) const override {
+    void look(const Path& path, const float* points, int32_t count, const LeafLook& to, int32_t* list, float* scratch) const override {
         path.ask_field(*field_, points, count, to, list, scratch);
     }
-    void ask_rest(const float*, int32_t, float*, float*) const override {}  // there only places are no numbers
+    void look_at_rest(const float*, int32_t, float*, float*) const override {}  // their places are no numbers
 
 private:
     std::shared_ptr<const Field> field_;

@@ -25,9 +25,7 @@ bool holds(const Grid& grid, const Point& point) {
 double reach(const Grid& grid, const Point& point, Point& normal) {
     Point border, gradient, away;
     for (size_t axis = 0; axis < 3; ++axis) border[axis] = std::min(std::max(point[axis], grid.lower[axis]), upper(grid, axis));
-    double distance;
-    sample(grid, border.data(), 1, &distance, gradient.data(), 1);
-    const double steep = length(gradient), scale = steep > 0 ? distance / steep : 0;
+    const double distance = sample(grid, border, gradient), steep = length(gradient), scale = steep > 0 ? distance / steep : 0;
     for (size_t axis = 0; axis < 3; ++axis) away[axis] = point[axis] - border[axis] + scale * gradient[axis];
     const double far = length(away);
     normal = scaled(away, far > 0 ? 1 / far : 1);
@@ -46,22 +44,18 @@ double ask_triangles(const Mesh& mesh, const Point& point, Point& normal) {
         square += (place - node) * (place - node);
     }
     const double to_node = std::sqrt(square) * grid.cell, at_most = to_node + mesh.unsigned_distance[number];
-    double distance;
-    int64_t face;
-    Point closest;
-    mesh.triangles->nearest(point.data(), &at_most, 1, &distance, &face, closest.data(), 1);
+    const auto [distance, face, closest] = mesh.triangles->nearest(point, at_most);
     if (to_node >= distance || distance < mesh.touching) return NO_NUMBER;
     const double sign = mesh.inside[number] ? -1 : 1;
     for (size_t axis = 0; axis < 3; ++axis) normal[axis] = (point[axis] - closest[axis]) * (sign / distance);
     return sign * distance;
 }
 
-double look(const Mesh& mesh, const Point& point, Point& normal) {
+double look_from(const Mesh& mesh, const Point& point, Point& normal) {
+    if (!std::isfinite(point[0] + point[1] + point[2])) return NO_NUMBER;
     if (!holds(mesh.fine, point)) return reach(mesh.coarse, point, normal);
-    double distance;
     Point gradient;
-    sample(mesh.fine, point.data(), 1, &distance, gradient.data(), 1);
-    const double agreement = length(gradient);
+    const double distance = sample(mesh.fine, point, gradient), agreement = length(gradient);
     if (std::abs(distance) < mesh.near || agreement < mesh.agree) return ask_triangles(mesh, point, normal);
     normal = scaled(gradient, 1 / agreement);
     return distance;
@@ -69,11 +63,11 @@ double look(const Mesh& mesh, const Point& point, Point& normal) {
 
 }  // namespace
 
-void MeshLeaf::ask(const Path&, const float* points, int32_t count, const FieldValues& to, int32_t*, float*) const {
+void MeshLeaf::look(const Path&, const float* points, int32_t count, const LeafLook& to, int32_t*, float*) const {
     for (int64_t i = 0; i < count; ++i) {
         Point normal{NO_NUMBER, NO_NUMBER, NO_NUMBER};
-        to.rows[i] = static_cast<float>(look(*mesh_, {points[3 * i], points[3 * i + 1], points[3 * i + 2]}, normal));
-        if (!to.with_gradient) continue;
+        to.rows[i] = static_cast<float>(look_from(*mesh_, {points[3 * i], points[3 * i + 1], points[3 * i + 2]}, normal));
+        if (!to.with_normal) continue;
         for (int64_t axis = 0; axis < 3; ++axis) to.rows[(1 + axis) * to.room + i] = static_cast<float>(normal[static_cast<size_t>(axis)]);
     }
 }

@@ -26,8 +26,8 @@ class MeshLeaf : public Leaf {
 public:
     explicit MeshLeaf(std::shared_ptr<const Mesh> mesh) : mesh_(std::move(mesh)) {}
 
-    void ask(const Path&, const float* points, int32_t count, const FieldValues& to, int32_t*, float*) const override;
-    void ask_rest(const float* points, int32_t count, float* distance, float* normal) const override {
+    void look(const Path&, const float* points, int32_t count, const LeafLook& to, int32_t*, float*) const override;
+    void look_at_rest(const float* points, int32_t count, float* distance, float* normal) const override {
         mesh_->rest(points, count, distance, normal);
     }
 

@@ -49,7 +49,7 @@ public:
     // with more than `most_edges` it stops there, and where a place ahead is not finite it returns -1. Throws std::bad_alloc.
     int64_t step(const Fluid& fluid, float* positions, float* velocities, const Path& path, int threads, int64_t most_edges);
 
-    float frame_time() const { return constants_.frame_time; }  // seconds
+    const Constants& constants() const { return constants_; }
 
     // What it would be told, likewise.
     int64_t observe(const Fluid& fluid, const Told& told, const Path& path, int threads, int64_t most_edges);

@@ -5,12 +5,23 @@
 #include <vector>
 
 namespace surfsup {
+namespace {
 
-Outcome next_frame(Network& network, Fluid fluid, const float* drop, const Ask& solid, const Clearance& clearance, bool guarded,
+// Where ballistic motion would lead; n semi-implicit steps of h fall by n(n+1)/2·h²·g, see state.py.
+void fall(const Fluid& fluid, const Constants& constants, float* ahead) {
+    const float steps = static_cast<float>(constants.steps), way = steps * (steps + 1) / 2 * constants.step_time() * constants.step_time();
+    for (int64_t at = 0; at < 3 * static_cast<int64_t>(fluid.count); at += 3)
+        for (int axis = 0; axis < 3; ++axis)
+            ahead[at + axis] = fluid.positions[at + axis] + constants.frame_time * fluid.velocities[at + axis] + way * fluid.gravity[axis];
+}
+
+}  // namespace
+
+Outcome next_frame(Network& network, Fluid fluid, const Ask& solid, const Clearance& clearance, bool guarded,
                    double most_gain, const LastLook& last, const Reached& reached, const Path& path, int threads, int64_t most_edges) {
     const auto count = static_cast<size_t>(fluid.count);
     std::vector<float> ahead(3 * count), normal(3 * count), distance(count, std::numeric_limits<float>::infinity());
-    fall(fluid.positions, fluid.velocities, fluid.count, network.frame_time(), drop, ahead.data());
+    fall(fluid, network.constants(), ahead.data());
     if (solid && fluid.map.places) {
         // The rule feels the solid by its map; how far off it is exactly only the guard has to know, of what comes near.
         look_again(ahead.data(), fluid.count, clearance.metres, solid, last.places, last.distance, distance.data());

@@ -25,8 +25,8 @@ struct Outcome {
 };
 
 // Free fall, the look at the solid, the step, the account of energy and, unless `guarded` is false, the guard. Of `fluid`
-// the ballistic places and what is told of the solid there are made here; `drop` (3) is what gravity adds to a frame's way.
-Outcome next_frame(Network& network, Fluid fluid, const float* drop, const Ask& solid, const Clearance& clearance, bool guarded,
+// the ballistic places and what is told of the solid there are made here.
+Outcome next_frame(Network& network, Fluid fluid, const Ask& solid, const Clearance& clearance, bool guarded,
                    double most_gain, const LastLook& last, const Reached& reached, const Path& path, int threads, int64_t most_edges);
 
 }  // namespace surfsup

@@ -12,7 +12,7 @@ namespace surfsup {
 namespace {
 
 // A network or a mesh takes longer than a closed form, so that threads wait less for each other with smaller portions.
-constexpr int32_t PORTION = 4096, ASKED_PORTION = 512;
+constexpr int32_t PORTION = 4096, LEAF_PORTION = 512;
 constexpr int64_t MOST_LANES = 16;
 constexpr float NO_NUMBER = std::numeric_limits<float>::quiet_NaN();
 
@@ -37,21 +37,6 @@ const Description& description(const std::string& name) {
     throw std::invalid_argument("there is no native solid '" + name + "'");
 }
 
-// How a part of what lies so within a whole lies in the whole.
-Similarity within(const Similarity& whole, const Similarity& part) {
-    Similarity both;
-    both.scale = whole.scale * part.scale;
-    for (int row = 0; row < 3; ++row) {
-        both.move[row] = whole.move[row];
-        for (int k = 0; k < 3; ++k) both.move[row] += whole.scale * whole.rotation[3 * row + k] * part.move[k];
-        for (int column = 0; column < 3; ++column) {
-            float& entry = both.rotation[3 * row + column] = 0;
-            for (int k = 0; k < 3; ++k) entry += whole.rotation[3 * row + k] * part.rotation[3 * k + column];
-        }
-    }
-    return both;
-}
-
 Similarity similarity(const std::vector<float>& numbers) {
     Similarity lies;
     std::copy(numbers.begin(), numbers.begin() + 9, lies.rotation);
@@ -60,14 +45,13 @@ Similarity similarity(const std::vector<float>& numbers) {
     return lies;
 }
 
-// Points (count, 3) as seen by what lies so.
-void to_own_frame(const Similarity& lies, const float* points, int32_t count, float* own) {
-    for (int64_t at = 0; at < 3 * static_cast<int64_t>(count); at += 3)
-        for (int column = 0; column < 3; ++column) {
-            float along = 0;
-            for (int row = 0; row < 3; ++row) along += (points[at + row] - lies.move[row]) * lies.rotation[3 * row + column];
-            own[at + column] = along / lies.scale;
-        }
+// Points (count, 3) as seen by what lies so; in place.
+void to_own_frame(const Similarity& lies, float* points, int32_t count) {
+    for (int64_t at = 0; at < 3 * static_cast<int64_t>(count); at += 3) {
+        const float x = points[at] - lies.move[0], y = points[at + 1] - lies.move[1], z = points[at + 2] - lies.move[2];
+        for (int axis = 0; axis < 3; ++axis)
+            points[at + axis] = (x * lies.rotation[axis] + y * lies.rotation[3 + axis] + z * lies.rotation[6 + axis]) / lies.scale;
+    }
 }
 
 }  // namespace
@@ -79,18 +63,20 @@ Solid::Solid(const std::string& kind, const std::vector<float>& numbers, const s
     if (!right_numbers || (wanted.parts < 0 ? pieces == 0 : pieces != wanted.parts))
         throw std::invalid_argument("a native '" + kind + "' is not made of " + std::to_string(given) + " numbers and " +
                                     std::to_string(pieces) + " parts");
-    const Similarity lies = wanted.kind == Kind::transformed ? similarity(numbers) : Similarity{};
     std::vector<int32_t> roots;
     for (const Solid* part : parts) {
         const auto nodes = static_cast<int32_t>(nodes_.size()), first = static_cast<int32_t>(numbers_.size());
-        const auto places = static_cast<int32_t>(parts_.size()), asked = static_cast<int32_t>(asked_.size());
+        const auto places = static_cast<int32_t>(parts_.size()), leaves = static_cast<int32_t>(leaves_.size());
         for (Node node : part->nodes_) {
             node.numbers += first;
-            node.parts += node.kind == Kind::asked ? asked : places;
+            node.parts += node.kind == Kind::leaf ? leaves : places;
             nodes_.push_back(node);
         }
         for (const int32_t place : part->parts_) parts_.push_back(place + nodes);
-        for (const Asked& one : part->asked_) asked_.push_back({one.leaf, within(lies, one.lies)});
+        for (Placed placed : part->leaves_) {
+            if (wanted.kind == Kind::transformed) placed.lies.insert(placed.lies.begin(), similarity(numbers));
+            leaves_.push_back(std::move(placed));
+        }
         numbers_.insert(numbers_.end(), part->numbers_.begin(), part->numbers_.end());
         roots.push_back(static_cast<int32_t>(nodes_.size()) - 1);
     }
@@ -99,55 +85,53 @@ Solid::Solid(const std::string& kind, const std::vector<float>& numbers, const s
     parts_.insert(parts_.end(), roots.begin(), roots.end());
 }
 
-Solid::Solid(std::shared_ptr<const Leaf> leaf) : nodes_{{Kind::asked, 0, 0, 0, 0}}, asked_{{std::move(leaf), {}}} {}
+Solid::Solid(std::shared_ptr<const Leaf> leaf) : nodes_{{Kind::leaf, 0, 0, 0, 0}}, leaves_{{std::move(leaf), {}}} {}
 
-void Solid::look(const float* points, int32_t count, float* distance, float* normal, int threads) const {
-    static const Path& path = *paths().front();
+void Solid::look(const float* points, int32_t count, float* distance, float* normal, const Path& path, int threads) const {
     const int64_t room = static_cast<int64_t>(count) + MOST_LANES;
-    AlignedFloats rows(static_cast<size_t>(4 * room) * asked_.size());
-    std::vector<FieldValues> told;
-    for (const Asked& one : asked_) {
-        told.push_back({rows.data() + 4 * room * static_cast<int64_t>(told.size()), room, normal != nullptr});
-        ask(one, path, points, count, told.back(), threads);
+    AlignedFloats rows(static_cast<size_t>(4 * room) * leaves_.size());
+    std::vector<LeafLook> looks;
+    for (const Placed& placed : leaves_) {
+        looks.push_back({rows.data() + 4 * room * static_cast<int64_t>(looks.size()), room, normal != nullptr});
+        look_at(placed, path, points, count, looks.back(), threads);
     }
-    const Tree tree{nodes_.data(), numbers_.data(), parts_.data(), static_cast<int32_t>(nodes_.size()) - 1, told.data()};
+    const Tree tree{nodes_.data(), numbers_.data(), parts_.data(), static_cast<int32_t>(nodes_.size()) - 1, looks.data()};
     in_parallel(threads, count, PORTION, [&](int, int32_t begin, int32_t end) {
         path.distance(tree, points, begin, end, distance, normal);
     });
 }
 
-void Solid::ask(const Asked& asked, const Path& path, const float* points, int32_t count, const FieldValues& told, int threads) const {
+void Solid::look_at(const Placed& placed, const Path& path, const float* points, int32_t count, const LeafLook& to, int threads) const {
     struct Room {
         AlignedFloats scratch;
         std::vector<int32_t> list;
     };
     std::vector<Room> rooms(static_cast<size_t>(std::max(1, threads)));  // here memory may run out; in the loop not
     for (Room& room : rooms) {
-        room.scratch.resize(static_cast<size_t>(asked.leaf->scratch(path)));
-        room.list.resize(static_cast<size_t>(std::min(count, ASKED_PORTION)));
+        room.scratch.resize(static_cast<size_t>(placed.leaf->scratch(path)));
+        room.list.resize(static_cast<size_t>(std::min(count, LEAF_PORTION)));
     }
-    AlignedFloats own(3 * static_cast<size_t>(count));
-    in_parallel(threads, count, ASKED_PORTION, [&](int thread, int32_t begin, int32_t end) {
-        const int64_t first = 3 * static_cast<int64_t>(begin);
+    AlignedFloats own(points, points + 3 * static_cast<int64_t>(count));
+    in_parallel(threads, count, LEAF_PORTION, [&](int thread, int32_t begin, int32_t end) {
+        float* from = own.data() + 3 * static_cast<int64_t>(begin);
         Room& room = rooms[static_cast<size_t>(thread)];
-        to_own_frame(asked.lies, points + first, end - begin, own.data() + first);
-        const FieldValues here = {told.rows + begin, told.room, told.with_gradient};
-        asked.leaf->ask(path, own.data() + first, end - begin, here, room.list.data(), room.scratch.data());
+        for (const Similarity& lies : placed.lies) to_own_frame(lies, from, end - begin);
+        placed.leaf->look(path, from, end - begin, {to.rows + begin, to.room, to.with_normal}, room.list.data(), room.scratch.data());
     });
     std::vector<float> left;
     std::vector<int32_t> which;
     for (int32_t i = 0; i < count; ++i) {
-        if (told.rows[i] == told.rows[i]) continue;
+        if (to.rows[i] == to.rows[i]) continue;
         which.push_back(i);
         left.insert(left.end(), own.data() + 3 * static_cast<int64_t>(i), own.data() + 3 * static_cast<int64_t>(i) + 3);
     }
     if (which.empty()) return;
     std::vector<float> distance(which.size(), NO_NUMBER), normal(left.size(), NO_NUMBER);
-    asked.leaf->ask_rest(left.data(), static_cast<int32_t>(which.size()), distance.data(), normal.data());
+    placed.leaf->look_at_rest(left.data(), static_cast<int32_t>(which.size()), distance.data(), normal.data());
     for (size_t k = 0; k < which.size(); ++k) {
-        told.rows[which[k]] = distance[k];
-        if (!told.with_gradient) continue;
-        for (int64_t axis = 0; axis < 3; ++axis) told.rows[(1 + axis) * told.room + which[k]] = normal[3 * k + static_cast<size_t>(axis)];
+        to.rows[which[k]] = distance[k];
+        if (!to.with_normal) continue;
+        for (int64_t axis = 0; axis < 3; ++axis) to.rows[(1 + axis) * to.room + which[k]] = normal[3 * k + static_cast<size_t>(axis)];
     }
 }
 

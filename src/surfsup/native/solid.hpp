@@ -12,9 +12,9 @@
 
 namespace surfsup {
 
-// How a part lies in the whole: scaled, then turned by `rotation` (row by row), then moved.
+// How a part lies in a whole: scaled, then turned by `rotation` (row by row), then moved.
 struct Similarity {
-    float rotation[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1}, move[3] = {0, 0, 0}, scale = 1;
+    float rotation[9], move[3], scale;
 };
 
 class Solid {
@@ -26,19 +26,19 @@ public:
     explicit Solid(std::shared_ptr<const Leaf> leaf);
 
     // Distance (count) and unit normal (count, 3), unless that is null, of points (count, 3).
-    void look(const float* points, int32_t count, float* distance, float* normal, int threads) const;
+    void look(const float* points, int32_t count, float* distance, float* normal, const Path& path, int threads) const;
 
 private:
-    struct Asked {
+    struct Placed {
         std::shared_ptr<const Leaf> leaf;
-        Similarity lies;
+        std::vector<Similarity> lies;  // in the whole first, then in what of it lies so, and so on
     };
-    void ask(const Asked& asked, const Path& path, const float* points, int32_t count, const FieldValues& told, int threads) const;
+    void look_at(const Placed& placed, const Path& path, const float* points, int32_t count, const LeafLook& to, int threads) const;
 
     std::vector<Node> nodes_;
     std::vector<float> numbers_;
     std::vector<int32_t> parts_;
-    std::vector<Asked> asked_;
+    std::vector<Placed> leaves_;
 };
 
 }  // namespace surfsup

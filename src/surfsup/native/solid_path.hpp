@@ -153,11 +153,11 @@ Dual distance_of(const Tree& tree, int32_t place, const Point& p) {
         case Kind::torus: return torus(p, n[0], n[1]);
         case Kind::bowl: return bowl(p, n[0], n[1], n[2]);
         case Kind::funnel: return funnel(p, n[0], n[1], n[2], n[3], n[4]);
-        case Kind::asked: {
-            const FieldValues& told = tree.told[node.parts];
-            const float* row = told.rows + p.first;
-            if (!told.with_gradient) return {load(row), Floats{}, Floats{}, Floats{}};
-            const int64_t room = told.room;
+        case Kind::leaf: {
+            const LeafLook& look = tree.looks[node.parts];
+            const float* row = look.rows + p.first;
+            if (!look.with_normal) return {load(row), Floats{}, Floats{}, Floats{}};
+            const int64_t room = look.room;
             return {load(row), load(row + room), load(row + 2 * room), load(row + 3 * room)};
         }
         case Kind::transformed:  // rotation, translation, scale

@@ -3,17 +3,23 @@
 
 #include <cstdint>
 
-#include "field.hpp"
-
 namespace surfsup {
 
-enum class Kind : int32_t { sphere, box, cylinder, cone, torus, bowl, funnel, boxes, asked, transformed, join, meet, difference };
+enum class Kind : int32_t { sphere, box, cylinder, cone, torus, bowl, funnel, boxes, leaf, transformed, join, meet, difference };
 
 // One solid in a list in which every part stands before what it is part of.
 struct Node {
     Kind kind;
     int32_t numbers, count;      // where its numbers begin, and how many
-    int32_t parts, part_count;   // where the places of its parts begin, and how many; of what is asked its own number
+    int32_t parts, part_count;   // where the places of its parts begin, and how many; of a leaf its own number
+};
+
+// What a leaf of the list tells of some points: distance, and where it is wanted the normal along each axis; a row each, with
+// `room` for so many floats.
+struct LeafLook {
+    float* rows;
+    int64_t room;
+    bool with_normal;
 };
 
 struct Tree {
@@ -21,7 +27,7 @@ struct Tree {
     const float* numbers;
     const int32_t* parts;
     int32_t root;
-    const FieldValues* told;     // by each network about these points, in its own frame
+    const LeafLook* looks;       // at each leaf from these points, in its own frame
 };
 
 // Neighbours as torch keeps them: the edges of particle i are starts[i] up to starts[i + 1], four kernels an edge.

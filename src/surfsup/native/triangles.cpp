@@ -147,7 +147,7 @@ int32_t Triangles::build(const std::vector<Place>& middles, int32_t begin, int32
 }
 
 // The face nearest to a place, -1 where none is within the root of `squared`.
-int32_t Triangles::nearest(const Place& place, float squared) const {
+int32_t Triangles::nearest_face(const Place& place, float squared) const {
     struct Waiting {
         int32_t node;
         float squared;
@@ -185,53 +185,62 @@ int32_t Triangles::nearest(const Place& place, float squared) const {
     return found;
 }
 
+Triangles::Nearest Triangles::nearest(const Point& point, double at_most) const {
+    const Point from_middle = minus(point, middle_);
+    const Place place{static_cast<float>(from_middle[0]), static_cast<float>(from_middle[1]), static_cast<float>(from_middle[2])};
+    const float bound = static_cast<float>(at_most) * LOOSER + rounding_;
+    int32_t found = nearest_face(place, bound * bound);
+    // None where a bound was too low after all; and from far away all distances overflow alike.
+    if (found < 0) found = std::max(0, nearest_face(place, ENDLESS));
+    const Point there = nearest_on(exact_[static_cast<size_t>(found)], point), apart = minus(point, there);
+    return {std::sqrt(dot(apart, apart)), found, there};
+}
+
 void Triangles::nearest(const double* points, const double* at_most, int32_t count, double* distance, int64_t* face,
                         double* closest, int threads) const {
     in_parallel(threads, count, PORTION, [&](int, int32_t begin, int32_t end) {
         for (int64_t i = begin; i < end; ++i) {
-            const Point point{points[3 * i], points[3 * i + 1], points[3 * i + 2]};
-            const Point from_middle = minus(point, middle_);
-            const Place place{static_cast<float>(from_middle[0]), static_cast<float>(from_middle[1]), static_cast<float>(from_middle[2])};
-            const float bound = at_most ? static_cast<float>(at_most[i]) * LOOSER + rounding_ : ENDLESS;
-            int32_t found = nearest(place, bound * bound);
-            // None where a bound was too low after all; and from far away all distances overflow alike.
-            if (found < 0) found = std::max(0, nearest(place, ENDLESS));
-            const Point there = nearest_on(exact_[static_cast<size_t>(found)], point), apart = minus(point, there);
-            distance[i] = std::sqrt(dot(apart, apart));
-            face[i] = found;
-            std::copy(there.begin(), there.end(), closest + 3 * i);
+            const Nearest found = nearest({points[3 * i], points[3 * i + 1], points[3 * i + 2]}, at_most ? at_most[i] : ENDLESS);
+            distance[i] = found.distance;
+            face[i] = found.face;
+            std::copy(found.place.begin(), found.place.end(), closest + 3 * i);
         }
     });
 }
 
-void sample(const Grid& grid, const double* points, int32_t count, double* distance, double* gradient, int threads) {
+double sample(const Grid& grid, const Point& point, Point& gradient) {
     const int64_t along_y = grid.nodes[2], along_x = grid.nodes[1] * grid.nodes[2];
+    int64_t first[3];
+    float share[3][2];
+    for (size_t axis = 0; axis < 3; ++axis) {
+        const double place = (point[axis] - grid.lower[axis]) / grid.cell;
+        first[axis] = std::clamp<int64_t>(static_cast<int64_t>(place), 0, grid.nodes[axis] - 2);
+        share[axis][1] = static_cast<float>(place - static_cast<double>(first[axis]));
+        share[axis][0] = 1.0f - share[axis][1];
+    }
+    const float* corner = grid.table + 4 * (first[0] * along_x + first[1] * along_y + first[2]);
+    float mean[4] = {};
+    for (int x = 0; x < 2; ++x)
+        for (int y = 0; y < 2; ++y)
+            for (int z = 0; z < 2; ++z) {
+                const float weight = share[0][x] * share[1][y] * share[2][z];
+                const float* node = corner + 4 * (x * along_x + y * along_y + z);
+                for (int channel = 0; channel < 4; ++channel) mean[channel] += weight * node[channel];
+            }
+    double told = mean[0];
+    for (size_t axis = 0; axis < 3; ++axis) {
+        gradient[axis] = mean[1 + axis];
+        told += 0.5 * (point[axis] - grid.middle[axis]) * gradient[axis];
+    }
+    return told;
+}
+
+void sample(const Grid& grid, const double* points, int32_t count, double* distance, double* gradient, int threads) {
     in_parallel(threads, count, PORTION, [&](int, int32_t begin, int32_t end) {
         for (int64_t i = begin; i < end; ++i) {
-            int64_t first[3];
-            float share[3][2];
-            for (size_t axis = 0; axis < 3; ++axis) {
-                const double place = (points[3 * i + static_cast<int64_t>(axis)] - grid.lower[axis]) / grid.cell;
-                first[axis] = std::clamp<int64_t>(static_cast<int64_t>(place), 0, grid.nodes[axis] - 2);
-                share[axis][1] = static_cast<float>(place - static_cast<double>(first[axis]));
-                share[axis][0] = 1.0f - share[axis][1];
-            }
-            const float* corner = grid.table + 4 * (first[0] * along_x + first[1] * along_y + first[2]);
-            float mean[4] = {};
-            for (int x = 0; x < 2; ++x)
-                for (int y = 0; y < 2; ++y)
-                    for (int z = 0; z < 2; ++z) {
-                        const float weight = share[0][x] * share[1][y] * share[2][z];
-                        const float* node = corner + 4 * (x * along_x + y * along_y + z);
-                        for (int channel = 0; channel < 4; ++channel) mean[channel] += weight * node[channel];
-                    }
-            double told = mean[0];
-            for (size_t axis = 0; axis < 3; ++axis) {
-                const auto at = 3 * i + static_cast<int64_t>(axis);
-                gradient[at] = mean[1 + axis];
-                told += 0.5 * (points[at] - grid.middle[axis]) * gradient[at];
-            }
-            distance[i] = told;
+            Point slope;
+            distance[i] = sample(grid, {points[3 * i], points[3 * i + 1], points[3 * i + 2]}, slope);
+            std::copy(slope.begin(), slope.end(), gradient + 3 * i);
         }
     });
 }

@@ -18,6 +18,15 @@ public:
     // that there is not.
     Triangles(const double* vertices, int64_t vertex_count, const int64_t* faces, int64_t face_count);
 
+    struct Nearest {
+        double distance;
+        int64_t face;
+        Point place;  // on it
+    };
+
+    // The triangle that is nearest to a point, which is no farther than `at_most`: the less, the faster.
+    Nearest nearest(const Point& point, double at_most) const;
+
     // Of points (count, 3) the distance to the nearest triangle, which that is, and the nearest place (count, 3) on it.
     // `at_most`, where it is given, says of each point how far the nearest one can be: the less, the faster.
     void nearest(const double* points, const double* at_most, int32_t count, double* distance, int64_t* face,
@@ -31,7 +40,7 @@ private:
     };
 
     int32_t build(const std::vector<Place>& middles, int32_t begin, int32_t end);
-    int32_t nearest(const Place& place, float squared) const;
+    int32_t nearest_face(const Place& place, float squared) const;
 
     Point middle_;
     float rounding_;                             // metres by which single precision may be wrong
@@ -48,6 +57,9 @@ struct Grid {
     double cell;
     std::array<int64_t, 3> nodes;  // along each axis
 };
+
+// Distance and mean gradient of a point that lies in the grid.
+double sample(const Grid& grid, const Point& point, Point& gradient);
 
 // Distance (count) and mean gradient (count, 3) of points (count, 3), all of which lie in the grid.
 void sample(const Grid& grid, const double* points, int32_t count, double* distance, double* gradient, int threads);

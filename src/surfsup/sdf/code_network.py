@@ -9,6 +9,7 @@ import torch
 from torch import Tensor, nn
 
 from surfsup.errors import InputError
+from surfsup.sdf.native_layers import NativeLayers
 
 
 @dataclass(frozen=True)
@@ -53,8 +54,8 @@ class CodeNetwork(nn.Module):
             nn.init.kaiming_normal_(layer.weight, nonlinearity="relu")
             nn.init.zeros_(layer.bias)
 
-    def native_layers(self, code: Tensor) -> dict[str, object]:
-        """What :meth:`surfsup.native.Solid.of_network` takes of the shape of ``code`` (C,), weights not copied."""
+    def native_layers(self, code: Tensor) -> NativeLayers:
+        """The layers and the ``code`` (C,) of a shape, for the native code."""
         layers: list[list[object]] = [[None, None, [], None] for _ in range(self.sizes.layers)]
         for layer, linear in zip(layers[1:], self.hidden, strict=True):
             layer[0] = linear.weight.detach().numpy()
@@ -67,7 +68,7 @@ class CodeNetwork(nn.Module):
             "layers": [tuple(layer) for layer in layers],
             "last": self.last.weight.detach().numpy()[0],
             "last_bias": self.last.bias.detach().numpy(),
-            "code": code.detach().numpy(),
+            "code": code.detach().contiguous().numpy(),
             "frequency": 0.0,
             "octaves": self.sizes.octaves,
         }

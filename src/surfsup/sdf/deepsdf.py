@@ -13,6 +13,7 @@ from torch import Tensor, nn
 from surfsup.errors import InputError
 from surfsup.sdf import neural_file
 from surfsup.sdf.code_network import CodeNetwork, CodeSizes
+from surfsup.sdf.native_layers import NativeLayers
 from surfsup.sdf.neural import NeuralSurface
 from surfsup.sdf.shipped import resolve
 
@@ -52,8 +53,8 @@ class DeepSdfSurface(NeuralSurface):
         code = self.code[None]
         return torch.cat([self.network.value(part[None], code)[0] for part in points.split(CHUNK)])
 
-    def native_layers(self) -> dict[str, object]:
-        """The layers for :meth:`surfsup.native.Solid.of_network`."""
+    def native_layers(self) -> NativeLayers:
+        """The layers for the native code."""
         return self.network.native_layers(self.code)
 
 

@@ -96,11 +96,11 @@ class MeshSurface(Surface):
             near=NEAR * fine.cell,
             agree=AGREE,
             touching=ON_SURFACE * self.query.extent,
-            rest=self.write_look,
+            rest=self.look_up_rest,
         )
 
-    def write_look(self, points: np.ndarray, distance: np.ndarray, normal: np.ndarray) -> None:
-        """Write distance (N,) and normal (N, 3) of ``points`` (N, 3): of those whose side the grids do not tell."""
+    def look_up_rest(self, points: np.ndarray, distance: np.ndarray, normal: np.ndarray) -> None:
+        """Write distance (N,) and normal (N, 3) of those ``points`` (N, 3) whose side the native code cannot tell."""
         distance[:], normal[:] = self.look_up(points.astype(np.float64))
 
     def bounds(self) -> Tensor:

@@ -12,6 +12,7 @@ from torch import Tensor, nn
 from surfsup import native
 from surfsup.sdf.lattice import Lattice
 from surfsup.sdf.mesh import MeshSurface
+from surfsup.sdf.native_layers import NativeLayers
 from surfsup.sdf.polygonise import polygonise
 from surfsup.sdf.surface import Surface
 from surfsup.sdf.transform import Transformed
@@ -100,8 +101,8 @@ class NeuralSurface(Surface):
         lattice = None if self.lattice is None else self.lattice.grid()
         return native.Solid.of_network(**layers, lattice=lattice, near=NEAR)
 
-    def native_layers(self) -> dict[str, object] | None:
-        """The layers as :meth:`native.Solid.of_network` takes them; None where they are none of those it knows."""
+    def native_layers(self) -> NativeLayers | None:
+        """The layers for the native code; None where they are none of those it knows."""
         return None
 
     def bounds(self) -> Tensor:

@@ -8,6 +8,7 @@ import torch
 from torch import Tensor, nn
 
 from surfsup.errors import InputError
+from surfsup.sdf.native_layers import NativeLayers
 
 FIRST = 1.0  # the bound of the first layer's weights times its inputs
 
@@ -44,8 +45,8 @@ class SineNetwork(nn.Module):
         self.last = nn.Parameter(torch.empty(width).uniform_(-bound, bound))
         self.last_bias = nn.Parameter(torch.zeros(1))
 
-    def native_layers(self) -> dict[str, object]:
-        """What :meth:`surfsup.native.Solid.of_network` takes of a network, whose weights it shares."""
+    def native_layers(self) -> NativeLayers:
+        """The layers for the native code."""
         first, *hidden = (weight.detach().numpy() for weight in self.weights)
         first_bias, *biases = (bias.detach().numpy() for bias in self.biases)
         layers = [(None, first, [first_bias], None)]
@@ -72,8 +73,7 @@ class SineNetwork(nn.Module):
         """F (N,) at ``points`` (N, 3) and ∇F (N, 3).
 
         The gradient goes back through the layers by the chain rule written out, so both are differentiable like any
-        other expression, and training on ∇F needs no derivative of a derivative. On a GPU, where nothing records
-        gradients, the products of that way back are in bfloat16: normals 0.07 degrees off, the value untouched.
+        other expression, and training on ∇F needs no derivative of a derivative.
         """
         hidden, slopes = points, []
         scaled = [self.frequency * weight for weight in self.weights]
@@ -83,14 +83,7 @@ class SineNetwork(nn.Module):
             slopes.append(torch.cos(argument))
         first, *hidden_weights = scaled
         gradient = self.last
-        half = multiplies_in_half(points)
         for weight, slope in zip(reversed(hidden_weights), reversed(slopes[1:]), strict=True):
-            upstream = gradient * slope
-            gradient = (upstream.bfloat16() @ weight.bfloat16()).float() if half else upstream @ weight
+            gradient = (gradient * slope) @ weight
         gradient = (gradient * slopes[0]) @ first
         return hidden @ self.last + self.last_bias, gradient
-
-
-def multiplies_in_half(points: Tensor) -> bool:
-    """Whether products of bfloat16 are fast where ``points`` are, and no gradient goes through them."""
-    return points.device.type == "cuda" and points.dtype == torch.float32 and not torch.is_grad_enabled()

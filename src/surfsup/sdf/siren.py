@@ -11,6 +11,7 @@ from torch import Tensor
 
 from surfsup.sdf import neural_file
 from surfsup.sdf.lattice import Lattice
+from surfsup.sdf.native_layers import NativeLayers
 from surfsup.sdf.neural import NeuralSurface
 from surfsup.sdf.shipped import resolve
 from surfsup.sdf.sine_network import SineNetwork
@@ -87,8 +88,8 @@ class SirenSurface(NeuralSurface):
         """The network's value (N,)."""
         return torch.cat([self.network.value(part) for part in points.split(CHUNK)])
 
-    def native_layers(self) -> dict[str, object]:
-        """The layers for :meth:`surfsup.native.Solid.of_network`."""
+    def native_layers(self) -> NativeLayers:
+        """The layers for the native code."""
         return self.network.native_layers()
 
     def in_own_unit(self) -> Surface:

@@ -59,7 +59,7 @@ class Surface(nn.Module, ABC):
             return None
         points = points.detach().contiguous()
         distance, normal = points.new_empty(len(points)), torch.empty_like(points)
-        solid.look(points.numpy(), distance.numpy(), normal.numpy(), torch.get_num_threads())
+        solid.look(points.numpy(), distance.numpy(), normal.numpy(), native.paths()[0], torch.get_num_threads())
         return distance, normal
 
     def distance_natively(self, points: Tensor) -> Tensor | None:
@@ -69,7 +69,7 @@ class Surface(nn.Module, ABC):
             return None
         points = points.detach().contiguous()
         distance = points.new_empty(len(points))
-        solid.look(points.numpy(), distance.numpy(), None, torch.get_num_threads())
+        solid.look(points.numpy(), distance.numpy(), None, native.paths()[0], torch.get_num_threads())
         return distance
 
     def native_solid_for(self, points: Tensor) -> native.Solid | None:
@@ -79,7 +79,7 @@ class Surface(nn.Module, ABC):
         return None if self.is_recording(points) else self.native_solid()
 
     def native_solid(self) -> native.Solid | None:
-        """The solid as it is now, in C++; None for those that have neither a closed form nor a network."""
+        """The solid as it is now, in C++; None for those that it does not know."""
         return None
 
     def is_recording(self, points: Tensor) -> bool:
