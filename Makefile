@@ -7,7 +7,7 @@ export PYTHON
 help:
 	@echo "make demo    water on a knot: a page and a video in out/demo"
 	@echo "make test    the linter and all tests"
-	@echo "make bench   the default model's speed beside the solver's, its growth, its pool at rest; half an hour, alone"
+	@echo "make bench   the default model's speed beside the solver's on four surfaces, its growth, its pool at rest; half an hour, alone"
 	@echo "make weights train the shipped model anew: data by the solver, then a run; hours"
 	@echo "make surfaces fit the shipped neural surfaces anew: coral, chairs, bowls; half an hour, can be started again"
 	@echo "make design  the bowl, the funnel, the chair that holds water and the three balls, in out/design; half an hour"
@@ -27,6 +27,7 @@ test: setup
 # Ratios mean something only where nothing else computes meanwhile.
 bench: setup
 	.venv/bin/python benchmarks/against_solver.py
+	.venv/bin/python benchmarks/against_solver.py --particles 3000 --no-torch --surface knot coral chair
 	.venv/bin/python benchmarks/growth.py --long 200 10000
 	.venv/bin/python benchmarks/stability.py
 	.venv/bin/python benchmarks/at_rest.py --solver
