@@ -90,6 +90,7 @@ SOLIDS = {
     "sines far off": Transformed(sines(6, 1), TURN, (3.0, -2.0, 1.0), 2.0),
     "a code": CHAIR,
     "a code without octaves": code(18, 2, 0),
+    "a code with many octaves": Transformed(code(8, 2, 8), None, (0.0, 0.0, 0.0), 0.1),
     "a code without a lattice": Transformed(code(16, 5, 3), TURN, (0.2, -0.1, 0.3), 0.5),
     "mesh": TORUS,
     "mesh with a hole": holed(),
@@ -237,6 +238,12 @@ def test_grids_that_do_not_fit_each_other_are_refused(wrong):
     given[wrong] = (value[0][:-1], *value[1:]) if isinstance(value, tuple) else value[:-1]
     with pytest.raises(ValueError):
         native.Solid.of_mesh(**given)
+
+
+def test_sines_too_fast_for_the_native_code_are_left_to_torch():
+    surface = code(8, 2, 17)
+    assert surface.native_solid() is None
+    assert torch.isfinite(surface.distance(torch.rand(5, 3))).all()
 
 
 def test_a_code_may_be_a_part_of_a_larger_tensor():

@@ -1,4 +1,5 @@
-// What happens to every particle besides the step itself: the look at the solid, the guard, the account of energy. Of all arrays, those of particles are (count, 3); positions in metres, velocities in m/s.
+// What happens to every particle besides the step itself: the look at the solid, the guard, the account of energy.
+// Of all arrays, those of particles are (count, 3); positions in metres, velocities in m/s.
 #pragma once
 
 #include <cstdint>

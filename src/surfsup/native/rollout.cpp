@@ -20,12 +20,14 @@ void fall(const Fluid& fluid, const Constants& constants, float* ahead) {
 Outcome next_frame(Network& network, Fluid fluid, const Ask& solid, const Clearance& clearance, bool guarded,
                    double most_gain, const LastLook& last, const Reached& reached, const Path& path, int threads, int64_t most_edges) {
     const auto count = static_cast<size_t>(fluid.count);
-    std::vector<float> ahead(3 * count), normal(3 * count), distance(count, std::numeric_limits<float>::infinity());
+    std::vector<float> ahead(3 * count), normal, distance(count, std::numeric_limits<float>::infinity());
     fall(fluid, network.constants(), ahead.data());
     if (solid && fluid.map.places) {
-        // The rule feels the solid by its map; how far off it is exactly only the guard has to know, of what comes near.
+        // The rule feels the solid by its map, and asks for no normal; how far off it is exactly only the guard has to know,
+        // of what comes near.
         look_again(ahead.data(), fluid.count, clearance.metres, solid, last.places, last.distance, distance.data());
     } else if (solid) {
+        normal.resize(3 * count);
         std::copy(ahead.begin(), ahead.end(), last.places);
         solid(last.places, fluid.count, distance.data(), normal.data());
         std::copy(distance.begin(), distance.end(), last.distance);

@@ -19,6 +19,7 @@ from surfsup.sdf.shipped import resolve
 
 REACH = 1.06  # of the cube [-1, 1]³: where the zero set of any code is looked for
 CHUNK = 8192  # points at once
+MOST_OCTAVES = 16  # beyond, single precision hardly tells a place's sine from its neighbour's
 
 
 class DeepSdfSurface(NeuralSurface):
@@ -53,9 +54,9 @@ class DeepSdfSurface(NeuralSurface):
         code = self.code[None]
         return torch.cat([self.network.value(part[None], code)[0] for part in points.split(CHUNK)])
 
-    def native_layers(self) -> NativeLayers:
-        """The layers for the native code."""
-        return self.network.native_layers(self.code)
+    def native_layers(self) -> NativeLayers | None:
+        """The layers for the native code, unless it would not tell the fastest sines."""
+        return self.network.native_layers(self.code) if self.network.sizes.octaves <= MOST_OCTAVES else None
 
 
 class DeepSdf(nn.Module):
@@ -135,7 +136,7 @@ def load_deepsdf(path: Path) -> DeepSdf:
     try:
         sizes, weights, codes = CodeSizes(**header["sizes"]), neural_file.part(tensors, "network."), tensors["codes"]
         fitting = (sizes.width, sizes.code) == (weights["last.weight"].shape[1], codes.shape[1])
-        if not fitting or sizes.layers > len(weights) or sizes.octaves > 16:
+        if not fitting or sizes.layers > len(weights) or sizes.octaves > MOST_OCTAVES:
             raise ValueError(f"the header says {sizes}")
         names = [str(name) for name in header["names"]]
         if len(names) != len(codes) or not names:
