@@ -65,7 +65,7 @@ design: setup
 setup: .venv/ready
 	@scripts/system-libraries
 
-.venv/ready: pyproject.toml scripts/setup $(wildcard src/surfsup/native/*.[ch]pp src/surfsup/native/CMakeLists.txt)
+.venv/ready: pyproject.toml scripts/setup $(shell find src/surfsup/native -name "*.[ch]pp" -o -name CMakeLists.txt)
 	@scripts/setup
 
 clean:

@@ -29,9 +29,9 @@ sys.path.insert(0, str(Path(__file__).parent))
 from at_rest import root_mean_square_speed, scene_of
 from surfsup.datasets import windows as windows_module
 from surfsup.datasets.windows import Windows
-from surfsup.model import weights
-from surfsup.model.network import ConvolutionNetwork
-from surfsup.model.simulate import simulate
+from surfsup.learned import weights_file
+from surfsup.learned.corrected.network import ConvolutionNetwork
+from surfsup.simulation import simulate
 from surfsup.training.config import load_config
 from surfsup.training.train import Run, train
 
@@ -60,7 +60,7 @@ def answers(network: ConvolutionNetwork) -> Iterator[Part]:
 
 
 def velocities(network: ConvolutionNetwork) -> Iterator[Part]:
-    """The neighbours' velocity against the particle's own."""
+    """The neighbors' velocity against the particle's own."""
     yield network.encoder[0].weight, (slice(None), VELOCITIES)
 
 
@@ -80,13 +80,13 @@ def density(network: ConvolutionNetwork) -> Iterator[Part]:
 
 
 def factors(network: ConvolutionNetwork) -> Iterator[Part]:
-    """How the neighbours lie: the factors are then all one."""
+    """How the neighbors lie: the factors are then all one."""
     yield network.factors[2].weight, slice(None)
     yield network.factors[2].bias, slice(None)
 
 
 def directions(network: ConvolutionNetwork) -> Iterator[Part]:
-    """The kernels of every layer that say where a neighbour is."""
+    """The kernels of every layer that say where a neighbor is."""
     for layer in network.layers:
         width = layer.own.weight.shape[0]
         yield layer.mix.weight, np.concatenate([np.arange(width) + kernel * width for kernel in DIRECTIONS])
@@ -183,7 +183,7 @@ def run_variant(variant: Variant, data: Path, validation: Path, folder: Path, st
 def speed_at_rest(model: Path) -> float:
     """The root mean square speed of a pool in mm/s, after REST frames."""
     scene = scene_of(0.6, 0.3, REST + 1)
-    frames = simulate(weights.load(model)[0], scene, None, scene.start(None), "cpu")
+    frames = simulate(weights_file.load(model)[0], scene, None, scene.start(None), "cpu")
     _, velocities = next(islice(frames, REST, None))
     return root_mean_square_speed(velocities)
 

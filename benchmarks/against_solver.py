@@ -5,7 +5,7 @@
 
 A block of water falls on a ball, or on a mesh or a neural surface as high; every run is a process of its own, one after
 the other. Ours counts everything:
-neighbours, network, distances, guard, and writing the trajectory. The solver's bare steps count, nothing read from it
+neighbors, network, distances, guard, and writing the trajectory. The solver's bare steps count, nothing read from it
 or written: with its fixed step of 1 ms (five a frame, the paper's setting) and with its own adaptive step by the CFL
 condition (its defaults). Set-up is left out on both sides, that is all up to the end of the first frame. ms is
 wall-clock time, and 'cpu' processor time of all threads. Last, where a native frame's time goes. At 50,000 particles
@@ -26,14 +26,14 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from surfsup.reference.boundaries import boundaries
-from surfsup.reference.job import STEPS_PER_FRAME, write_job
 from surfsup.scene import FRAME_TIME, Scene
+from surfsup.sph.boundary.scene_boundaries import boundaries
+from surfsup.splishsplash.job_files import STEPS_PER_FRAME, write_job
 
 Timing = tuple[float, float]  # wall-clock and processor milliseconds a frame
 CFL = 1  # SPlisHSPlasH's adaptive step
 SPACING, LAYERS = 0.03, 14
-RADIUS = 0.3  # metres of the ball
+RADIUS = 0.3  # meters of the ball
 EXTENT = 2 * RADIUS
 MESH = Path(__file__).parent.parent / "examples" / "knot.obj"
 SURFACES: dict[str, dict[str, Any]] = {
@@ -75,15 +75,15 @@ def timed(frame: Callable[[], Any], frames: int) -> Timing:
 def ours(scene: Scene, model_name: str | None, native: bool) -> Timing:
     """A rollout that is written as it is made."""
     from surfsup import native as built
-    from surfsup.model import weights
-    from surfsup.model.simulate import simulate
-    from surfsup.trajectory import Provenance, TrajectoryWriter
+    from surfsup.io.trajectory import Provenance, TrajectoryWriter
+    from surfsup.learned import weights_file
+    from surfsup.simulation import simulate
 
     if not native:
         built.paths = list  # as if it had been built without a compiler
     surface = scene.build_surface()
     start = scene.start(surface)
-    model, _ = weights.load(weights.find(model_name or weights.DEFAULT_MODEL))
+    model, _ = weights_file.load(weights_file.find(model_name or weights_file.DEFAULT_MODEL))
     frames = simulate(model, scene, surface, start, "cpu")
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "trajectory.h5"
@@ -95,7 +95,7 @@ def ours(scene: Scene, model_name: str | None, native: bool) -> Timing:
 
 def solver(scene: Scene, adaptive: bool) -> Timing:
     """Bare steps of SPlisHSPlasH in this process, by its own clock; its threads are those of the environment."""
-    from surfsup.reference.library import load_solver
+    from surfsup.splishsplash.library import load_solver
 
     surface = scene.build_surface()
     start = scene.start(surface)
@@ -139,24 +139,24 @@ def profile(scene: Scene, model_name: str | None) -> dict[str, float]:
     """Processor milliseconds of the parts of a native frame, least of 20, in the middle of the scene, one thread."""
     import torch
 
-    from surfsup.model import weights
-    from surfsup.model.guard import guard
-    from surfsup.model.state import Surroundings
+    from surfsup.learned import weights_file
+    from surfsup.sph.collision import resolve_collisions
+    from surfsup.sph.state import Environment
 
     torch.set_num_threads(1)
     torch.set_grad_enabled(False)
     surface = scene.build_surface()
     start = scene.start(surface)
-    model, _ = weights.load(weights.find(model_name or weights.DEFAULT_MODEL))
-    around = Surroundings.of(scene, surface)
-    state = model.start(torch.from_numpy(start.positions), torch.from_numpy(start.particle_velocities), around)
+    model, _ = weights_file.load(weights_file.find(model_name or weights_file.DEFAULT_MODEL))
+    environment = Environment.of(scene, surface)
+    state = model.start(torch.from_numpy(start.positions), torch.from_numpy(start.particle_velocities), environment)
     for _ in range(scene.frames // 2):
-        state, _ = model.step(state, around)
-    positions, velocities, _, last, _ = model.native.take(model, state, around, guarded=False)
+        state, _ = model.step(state, environment)
+    positions, velocities, _, last, _ = model.native.take(model, state, environment, handle_collisions=False)
     parts = {
-        "whole step": lambda: model.step(state, around),
-        "distances to the solid": lambda: around.distance_and_normal(positions),
-        "guard, with distances": lambda: guard(state.positions, positions, velocities, around, last),
+        "whole step": lambda: model.step(state, environment),
+        "distances to the solid": lambda: environment.distance_and_normal(positions),
+        "guard, with distances": lambda: resolve_collisions(state.positions, positions, velocities, environment, last),
     }
     return {name: min(timed(part, 1)[1] for _ in range(20)) for name, part in parts.items()}
 

@@ -32,13 +32,13 @@ sys.path.insert(0, str(Path(__file__).parent))
 from against_solver import in_its_own_process, scene_of
 from paper_network import INPUTS
 from peers import run
-from surfsup.model import weights
-from surfsup.model.message_passing.architecture import SIZES, MessagePassingArchitecture
-from surfsup.model.message_passing.graph import edge_graph
-from surfsup.model.message_passing.surface_particles import poisson_disk
-from surfsup.model.neighbours import neighbourhood
-from surfsup.model.simulate import simulate
+from surfsup.learned import weights_file
+from surfsup.learned.message_passing.architecture import SIZES, MessagePassingArchitecture
+from surfsup.learned.message_passing.graph import edge_graph
+from surfsup.learned.message_passing.surface_particles import poisson_disk
 from surfsup.scene import FRAME_TIME, PARTICLE_RADIUS, Scene
+from surfsup.simulation import simulate
+from surfsup.sph.neighbor_search import find_neighbors
 
 SURFACE_PARTICLES = 2000
 FRAME = 110  # the water has struck and spreads
@@ -92,13 +92,13 @@ def alternatives(given: argparse.Namespace) -> list[Alternative]:
 def write_splash(path: Path, scene: Scene) -> None:
     """The splash as all of them take it."""
     surface = scene.build_surface()
-    model, _ = weights.load(weights.find(weights.DEFAULT_MODEL))
+    model, _ = weights_file.load(weights_file.find(weights_file.DEFAULT_MODEL))
     frames = simulate(model, scene, surface, scene.start(surface), "cpu")
     positions, velocities = next(islice(frames, FRAME, None))
     radius = MessagePassingArchitecture.radius
-    graph = edge_graph(torch.from_numpy(positions), neighbourhood(torch.from_numpy(positions), radius), radius)
+    graph = edge_graph(torch.from_numpy(positions), find_neighbors(torch.from_numpy(positions), radius), radius)
     solid = torch.from_numpy(poisson_disk(surface, SURFACE_PARTICLES, 0))
-    near = graph.neighbourhood
+    near = graph.neighborhood
     path.with_suffix(".yaml").write_text(scene.to_yaml())
     np.savez(
         path,
@@ -113,7 +113,7 @@ def write_splash(path: Path, scene: Scene) -> None:
         receivers=near.receivers.numpy(),
         starts=near.starts.numpy(),
     )
-    print(f"{len(positions)} particles, {len(near.senders) / len(positions):.1f} neighbours within {radius} m")
+    print(f"{len(positions)} particles, {len(near.senders) / len(positions):.1f} neighbors within {radius} m")
 
 
 def main() -> None:

@@ -3,7 +3,7 @@
     python benchmarks/at_rest.py [--model NAME] [--frames 2000] [--side 0.6] [--depth 0.3] [--solver]
 
 Water fills the floor of a container from wall to wall and has nothing to do but settle. Told are the height of its
-centre of mass in mm, its root mean square speed in mm/s and its highest density, at a few frames; with --solver the
+center of mass in mm, its root mean square speed in mm/s and its highest density, at a few frames; with --solver the
 same of SPlisHSPlasH, some ten times slower.
 """
 
@@ -19,10 +19,10 @@ import torch
 
 from surfsup.datasets.density import number_density
 from surfsup.datasets.recipes.tanks import GAP
-from surfsup.model import weights
-from surfsup.model.simulate import simulate
-from surfsup.reference import solver
+from surfsup.learned import weights_file
 from surfsup.scene import Scene
+from surfsup.simulation import simulate
+from surfsup.splishsplash import solver
 
 TOLD = (0, 100, 200, 400, 800, 1200, 1600, 2000)  # frames
 
@@ -58,17 +58,17 @@ def tell(name: str, frames: Frames, last: int) -> None:
 def main() -> None:
     """Ours, then the solver's where it is asked for."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--model", default=weights.DEFAULT_MODEL)
+    parser.add_argument("--model", default=weights_file.DEFAULT_MODEL)
     parser.add_argument("--frames", type=int, default=2001)
-    parser.add_argument("--side", type=float, default=0.6, help="metres of the container")
-    parser.add_argument("--depth", type=float, default=0.3, help="metres of water")
+    parser.add_argument("--side", type=float, default=0.6, help="meters of the container")
+    parser.add_argument("--depth", type=float, default=0.3, help="meters of water")
     parser.add_argument("--solver", action="store_true")
     arguments = parser.parse_args()
     torch.set_num_threads(1)
     scene = scene_of(arguments.side, arguments.depth, arguments.frames)
     start = scene.start(None)
     print(f"{len(start.positions)} particles")
-    model, _ = weights.load(weights.find(arguments.model))
+    model, _ = weights_file.load(weights_file.find(arguments.model))
     tell(arguments.model, simulate(model, scene, None, start, "cpu"), arguments.frames - 1)
     if arguments.solver:
         tell("solver", solver.simulate(scene, None, start), arguments.frames - 1)

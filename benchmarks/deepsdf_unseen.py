@@ -27,7 +27,7 @@ from surfsup.fitting.reconstruct import reconstruct
 from surfsup.fitting.shape_set import shape_set
 from surfsup.fitting.siren_result import chamfer
 from surfsup.fitting.way import whole_way
-from surfsup.sdf import DeepSdf, load_deepsdf, polygonise
+from surfsup.sdf import DeepSdf, load_deepsdf, polygonize
 
 FIRST_UNSEEN = 500
 POINTS = 20_000
@@ -38,7 +38,7 @@ STEPS = 9
 def chamfer_of(shapes: DeepSdf, code: torch.Tensor, exact: Exact) -> float:
     """Between the mesh of a code and the true surface; NaN where the code has no inside."""
     try:
-        mesh = polygonise(shapes.surface(code), RESOLUTION)
+        mesh = polygonize(shapes.surface(code), RESOLUTION)
     except InputError:
         return float("nan")
     true = exact.on_surface(POINTS, np.random.default_rng(0)).points

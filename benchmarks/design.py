@@ -25,10 +25,10 @@ import torch
 from surfsup.design import DesignRun, bowl
 from surfsup.design.record import processor_seconds
 from surfsup.design.rollout import Water, last_frame
-from surfsup.model import weights
-from surfsup.model.state import Surroundings
+from surfsup.learned import weights_file
 from surfsup.scene import Scene
 from surfsup.sdf import Bowl, Transformed
+from surfsup.sph.state import Environment
 
 ALL_KEPT = 10  # frames that are affordable where all of them are kept
 
@@ -59,9 +59,9 @@ def main() -> None:
 
 def iteration_seconds(iterations: int) -> tuple[float, float, int]:
     """Wall and processor seconds of one iteration of the bowl, and how many particles it has."""
-    simulator, _ = weights.load(weights.find(weights.DEFAULT_MODEL))
+    simulator, _ = weights_file.load(weights_file.find(weights_file.DEFAULT_MODEL))
     with tempfile.TemporaryDirectory() as folder:
-        run = DesignRun(bowl(), Path(folder), simulator, weights.DEFAULT_MODEL, 100)
+        run = DesignRun(bowl(), Path(folder), simulator, weights_file.DEFAULT_MODEL, 100)
         run.iterate()
         began, worked = time.monotonic(), processor_seconds()
         for _ in range(iterations):
@@ -72,10 +72,10 @@ def iteration_seconds(iterations: int) -> tuple[float, float, int]:
 
 def memory(particles: int, frames: int, keep_all: bool) -> tuple[float, float]:
     """The most memory so far, MB: before the gradient and after it."""
-    simulator, _ = weights.load(weights.find(weights.DEFAULT_MODEL))
+    simulator, _ = weights_file.load(weights_file.find(weights_file.DEFAULT_MODEL))
     capture = torch.tensor(0.25, requires_grad=True)
     scene = Scene.from_yaml("fluid: [{block: {min: [-0.25, -0.25, 0.52], max: [0.25, 0.25, 1.0]}}]", "water")
-    around = Surroundings.of(scene, Transformed(Bowl(capture), translation=(0.0, 0.0, 0.5)))
+    environment = Environment.of(scene, Transformed(Bowl(capture), translation=(0.0, 0.0, 0.5)))
     side = round(particles ** (1 / 3) + 0.5)
     places = torch.cartesian_prod(*[torch.arange(side) * 0.03] * 3)[:particles]
     places = places - torch.tensor([0.015 * (side - 1), 0.015 * (side - 1), -0.53])
@@ -83,7 +83,7 @@ def memory(particles: int, frames: int, keep_all: bool) -> tuple[float, float]:
     before = most()
     length = frames if keep_all else None
     with mock.patch("surfsup.design.rollout.math.isqrt", lambda n: length) if length else mock.MagicMock():
-        end = last_frame(simulator, around, water, frames)
+        end = last_frame(simulator, environment, water, frames)
         end.positions[:, 2].mean().backward()
     return before, most()
 

@@ -15,9 +15,9 @@ import torch
 from PIL import Image
 
 from surfsup.design.film import RESOLUTION, opened
+from surfsup.io.trajectory import Trajectory
 from surfsup.scene import PARTICLE_RADIUS
 from surfsup.sdf import MeshSurface, load_mesh
-from surfsup.trajectory import Trajectory
 from surfsup.viewing.label import label
 from surfsup.viewing.render import FrameRenderer
 

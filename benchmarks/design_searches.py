@@ -13,7 +13,7 @@ import argparse
 import runpy
 from pathlib import Path
 
-from surfsup.design import optimise
+from surfsup.design import optimize
 from surfsup.design.verdict import compare_rivals
 
 EXAMPLE = Path(__file__).parent.parent / "examples" / "deflectors.py"
@@ -26,7 +26,7 @@ def main() -> None:
     parser.add_argument("--iterations", type=int, default=60)
     arguments = parser.parse_args()
     task = runpy.run_path(str(EXAMPLE))["task"]
-    run = optimise(task, arguments.out, arguments.iterations, resume=True)
+    run = optimize(task, arguments.out, arguments.iterations, resume=True)
     print(compare_rivals(run, with_solver=False, tell=lambda done, total: None))
 
 

@@ -2,7 +2,7 @@
 
     python benchmarks/falling.py [DATA] [--scenes 10] [--models fast runs/other/best.safetensors]
 
-Root mean square distance of the particles from their true places, millimetres, and how near to a wall the water fell.
+Root mean square distance of the particles from their true places, millimeters, and how near to a wall the water fell.
 A fall is known exactly, so all of it is error; the floor's own runs start 1 mm off.
 """
 
@@ -15,13 +15,13 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from surfsup.model import weights
-from surfsup.model.learned_simulator import LearnedSimulator
-from surfsup.model.state import Surroundings
+from surfsup.io.trajectory import Trajectory
+from surfsup.learned import weights_file
 from surfsup.sdf import Surface
-from surfsup.trajectory import Trajectory
+from surfsup.sph.simulator import Simulator
+from surfsup.sph.state import Environment
 
-STRIKING = 0.045  # metres from solid or floor
+STRIKING = 0.045  # meters from solid or floor
 MOST_FRAMES = 120
 
 
@@ -34,18 +34,18 @@ def last_of_the_fall(truth: np.ndarray, surface: Surface | None, floor: float) -
     return len(truth) - 1
 
 
-def off(model: LearnedSimulator, trajectory: Trajectory) -> tuple[float, float, int]:
-    """Millimetres off in the last frame of the fall, metres to the nearest wall at the start, that frame."""
+def off(model: Simulator, trajectory: Trajectory) -> tuple[float, float, int]:
+    """Millimeters off in the last frame of the fall, meters to the nearest wall at the start, that frame."""
     scene = trajectory.scene
     surface = scene.build_surface()
     truth, _ = trajectory.window(0, min(MOST_FRAMES, len(trajectory)))
     frame = last_of_the_fall(truth, surface, scene.container.lower[2])
     lower, upper = np.array(scene.container.lower)[:2], np.array(scene.container.upper)[:2]
     wall = min(float((truth[0, :, :2] - lower).min()), float((upper - truth[0, :, :2]).min()))
-    start, around = scene.start(surface), Surroundings.of(scene, surface)
-    state = model.start(torch.from_numpy(start.positions), torch.from_numpy(start.particle_velocities), around)
+    start, environment = scene.start(surface), Environment.of(scene, surface)
+    state = model.start(torch.from_numpy(start.positions), torch.from_numpy(start.particle_velocities), environment)
     for _ in range(frame):
-        state, _ = model.step(state, around)
+        state, _ = model.step(state, environment)
     apart = np.linalg.norm(state.positions.numpy() - truth[frame], axis=1)
     return 1000 * float(np.sqrt((apart**2).mean())), wall, frame
 
@@ -55,11 +55,11 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("data", type=Path, nargs="?", default=Path("data/prim-shapes-validation"))
     parser.add_argument("--scenes", type=int, default=10)
-    parser.add_argument("--models", nargs="+", default=[weights.DEFAULT_MODEL])
+    parser.add_argument("--models", nargs="+", default=[weights_file.DEFAULT_MODEL])
     arguments = parser.parse_args()
     torch.set_grad_enabled(False)
     torch.set_num_threads(1)
-    models = [weights.load(weights.find(name))[0] for name in arguments.models]
+    models = [weights_file.load(weights_file.find(name))[0] for name in arguments.models]
     print(
         f"{'scene':<12}{'frame':>6}{'wall, m':>9}"
         + "".join(f"{Path(name).parent.name or name:>14}" for name in arguments.models)

@@ -23,9 +23,9 @@ from pathlib import Path
 
 import numpy as np
 
-from surfsup.reference.boundaries import boundaries
-from surfsup.reference.job import STEPS_PER_FRAME, write_job
-from surfsup.trajectory import Trajectory
+from surfsup.io.trajectory import Trajectory
+from surfsup.sph.boundary.scene_boundaries import boundaries
+from surfsup.splishsplash.job_files import STEPS_PER_FRAME, write_job
 
 RECIPE, SEED = "prim-shapes", "11"
 WINDOW = 6  # frames
@@ -34,7 +34,7 @@ READS = 300
 
 def step_only(scene_file: str, steps: int) -> None:
     """In a process of its own: run ``steps`` steps and print the seconds that they took."""
-    from surfsup.reference.library import load_solver
+    from surfsup.splishsplash.library import load_solver
 
     solver = load_solver()
     base = solver.Exec.SimulatorBase()

@@ -18,18 +18,18 @@ import numpy as np
 from surfsup.evaluation.compare import THREADS
 from surfsup.evaluation.evaluate import judge_file
 from surfsup.evaluation.scores import ALL
-from surfsup.model import weights
-from surfsup.model.simulate import simulate
+from surfsup.io.trajectory import Provenance, TrajectoryWriter
+from surfsup.learned import weights_file
 from surfsup.scene import Scene, Start
-from surfsup.trajectory import Provenance, TrajectoryWriter
+from surfsup.simulation import simulate
 
 KNOT = Path(__file__).parents[1] / "examples" / "knot.obj"
 SURFACES = {"ball": "{sphere: {radius: 0.35}, at: [0, 0, 0.35]}", "knot": f"{{mesh: {{file: '{KNOT}', fit: 0.7}}}}"}
 
 
 def write_rollout(path: Path, scene: Scene, shift: float) -> int:
-    """A rollout of the shipped model whose water starts ``shift`` metres aside; returns its number of particles."""
-    model, card = weights.load(weights.find(weights.DEFAULT_MODEL))
+    """A rollout of the shipped model whose water starts ``shift`` meters aside; returns its number of particles."""
+    model, card = weights_file.load(weights_file.find(weights_file.DEFAULT_MODEL))
     surface = scene.build_surface()
     given = scene.start(surface)
     start = Start([block + np.float32([shift, 0, 0]) for block in given.blocks], given.velocities, given.left_out)
@@ -53,9 +53,9 @@ def main() -> None:
             particles = write_rollout(truth, scene, 0.0)
             write_rollout(judged, scene, 0.001)
             began = time.perf_counter()
-            judgement = judge_file(judged, truth)
+            judgment = judge_file(judged, truth)
             seconds = time.perf_counter() - began
-        chamfer = judgement.scores[ALL]["chamfer"]
+        chamfer = judgment.scores[ALL]["chamfer"]
         print(f"{name:<9}{particles:>10}{frames:>8}{THREADS:>9}{seconds:>9.1f}{chamfer:>12.4f}", flush=True)
 
 

@@ -23,7 +23,7 @@ from torch import Tensor, nn
 
 from surfsup.fitting.exact import ExactMesh, Known
 from surfsup.sdf import MeshSurface, load_mesh, load_siren
-from surfsup.sdf.lattice import distances_around
+from surfsup.sdf.grid import distances_around
 
 PARTICLES = 3000
 REPEATS = 20
@@ -117,9 +117,9 @@ def plot(path: Path, rows: dict[str, tuple[float, float]]) -> None:
 
     figure, axes = plt.subplots(figsize=(7, 4.5))
     for number, (name, (time_taken, angle)) in enumerate(rows.items()):
-        colour = next(colour for kind, colour in SERIES.items() if kind in name)
-        axes.scatter(time_taken, angle, s=45, color=colour)
-        above = number % 2 == 0  # so that neighbours do not write over each other
+        color = next(color for kind, color in SERIES.items() if kind in name)
+        axes.scatter(time_taken, angle, s=45, color=color)
+        above = number % 2 == 0  # so that neighbors do not write over each other
         place = {"xytext": (6, 5 if above else -12), "textcoords": "offset points"}
         axes.annotate(name, (time_taken, angle), fontsize=8, **place)
     axes.set_xscale("log")

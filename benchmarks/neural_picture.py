@@ -15,11 +15,11 @@ import numpy as np
 from PIL import Image
 
 from surfsup.fitting.exact import into_cube
-from surfsup.pictures import renderer_of
+from surfsup.io.trajectory import Trajectory
 from surfsup.sdf import load_mesh, load_siren
-from surfsup.trajectory import Trajectory
 from surfsup.viewing.label import label
 from surfsup.viewing.slider import SIZE, picture_of_solid
+from surfsup.viewing.trajectory_pictures import renderer_of
 
 RESOLUTION = 192  # cells of the extracted mesh along the cube
 

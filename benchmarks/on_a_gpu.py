@@ -5,7 +5,7 @@
 First 50 frames of 3,000 particles beside the CPU's native ones. Then, for every size, the scene of against_solver.py:
 milliseconds a frame (everything counts, the way of each frame back to the host too), peak memory, and what a frame has
 to move at least (see `least_traffic`) in that time, as a share of what the device copies a second, measured in the same
-run. `--device cpu` tries all of it but the search for neighbours, without the native step.
+run. `--device cpu` tries all of it but the search for neighbors, without the native step.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ import torch
 
 from against_solver import scene_of
 from surfsup import native
-from surfsup.model import weights
-from surfsup.model.learned_simulator import LearnedSimulator
-from surfsup.model.neighbours import neighbourhood
-from surfsup.model.simulate import choose_device, simulate
-from surfsup.model.state import SOLVER_STEPS
+from surfsup.learned import weights_file
+from surfsup.simulation import choose_device, simulate
+from surfsup.sph.neighbor_search import find_neighbors
+from surfsup.sph.simulator import Simulator
+from surfsup.sph.state import SOLVER_STEPS
 
 EQUAL_FRAMES, EQUAL_PARTICLES = 50, 3_000
 COPIED = 2**28  # floats, 1 GiB
@@ -38,9 +38,9 @@ def rollout(device: str) -> list[np.ndarray]:
     return [positions for positions, _ in simulate(load(), scene, surface, scene.start(surface), device)]
 
 
-def load() -> LearnedSimulator:
+def load() -> Simulator:
     """The default model."""
-    return weights.load(weights.find(weights.DEFAULT_MODEL))[0]
+    return weights_file.load(weights_file.find(weights_file.DEFAULT_MODEL))[0]
 
 
 def copied_a_second(device: str) -> float:
@@ -82,7 +82,7 @@ def frame_time(particles: int, frames: int, device: str) -> tuple[int, float, in
     ((positions, _),) = deque(run, maxlen=1)
     took = (time.perf_counter() - began) / frames
     last = torch.from_numpy(positions)
-    return len(last), took, len(neighbourhood(last, model.architecture.radius).senders)
+    return len(last), took, len(find_neighbors(last, model.architecture.radius).senders)
 
 
 def main() -> None:
@@ -97,7 +97,7 @@ def main() -> None:
     on_gpu = torch.device(device).type == "cuda"
     print(torch.cuda.get_device_name(device) if on_gpu else device, flush=True)
     by_cpu = rollout("cpu")
-    native.paths = list  # as if it had been built without a compiler: from here on all is torch's
+    native.instruction_sets = list  # as if it had been built without a compiler: from here on all is torch's
     off = [np.linalg.norm(ours - theirs, axis=1) for ours, theirs in zip(rollout(device), by_cpu, strict=True)]
     told = f"{max(map(np.max, off)):.1e} m at most, {max(map(np.mean, off)):.1e} m on the mean"
     print(f"{EQUAL_FRAMES} frames of {len(by_cpu[0])} particles: off the CPU's native ones by {told}", flush=True)

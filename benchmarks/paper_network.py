@@ -17,17 +17,17 @@ from pathlib import Path
 
 import torch
 
-from surfsup.model.message_passing.architecture import SIZES
-from surfsup.model.message_passing.graph import EdgeGraph, edge_graph
-from surfsup.model.message_passing.network import MessagePassingNetwork
-from surfsup.model.message_passing.products import times
-from surfsup.model.neighbours import neighbourhood
+from surfsup.learned.message_passing.architecture import SIZES
+from surfsup.learned.message_passing.graph import EdgeGraph, edge_graph
+from surfsup.learned.message_passing.network import MessagePassingNetwork
+from surfsup.learned.message_passing.products import times
+from surfsup.sph.neighbor_search import find_neighbors
 
 sys.path.insert(0, str(Path(__file__).parent.parent))
-from tests.model.message_passing.plain import plain_network
+from tests.learned.message_passing.plain import plain_network
 
 RADIUS, INPUTS, OUTPUTS = 0.045, 22, 3
-SPACING = 0.033  # of a jittered lattice that has nine neighbours within the radius
+SPACING = 0.033  # of a jittered lattice that has nine neighbors within the radius
 BOTH_WAYS = 3  # a step of training costs so many forward passes: a backward one has two products for each
 
 
@@ -46,10 +46,10 @@ def main() -> None:
     network = MessagePassingNetwork(INPUTS, OUTPUTS, **size).to(arguments.device)
     graph = water(arguments.particles, arguments.device)
     features = torch.randn(arguments.particles, INPUTS, device=arguments.device)
-    edges = len(graph.neighbourhood.senders)
+    edges = len(graph.neighborhood.senders)
     operations = operations_of(size["width"], size["layers"], arguments.particles, edges)
     print(
-        f"{arguments.size}, {arguments.particles} particles, {edges / arguments.particles:.1f} neighbours, "
+        f"{arguments.size}, {arguments.particles} particles, {edges / arguments.particles:.1f} neighbors, "
         f"{operations / 1e9:.1f} GFLOP forward, {arguments.device}, {arguments.threads} threads; best of "
         f"{arguments.repeats}, milliseconds"
     )
@@ -75,7 +75,7 @@ def water(particles: int, device: str) -> EdgeGraph:
     side = round(particles ** (1 / 3) + 0.5)
     places = torch.cartesian_prod(*[torch.arange(side) * SPACING] * 3)[:particles]
     places = (places + 0.2 * SPACING * torch.randn(places.shape)).to(device)
-    return edge_graph(places, neighbourhood(places, RADIUS), RADIUS)
+    return edge_graph(places, find_neighbors(places, RADIUS), RADIUS)
 
 
 def operations_of(width: int, layers: int, particles: int, edges: int) -> float:

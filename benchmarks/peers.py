@@ -8,7 +8,7 @@ PYTHON is the interpreter of an environment that has what the peer needs, FOLDER
     geoelements     github.com/geoelements/gns; torch, torch_geometric
 
 All get the same graph and features and do ten steps of message passing of 128 channels, perceptrons of two hidden
-layers, float32: forward, and forward with all gradients of the weights. Neighbour search and features are not in it.
+layers, float32: forward, and forward with all gradients of the weights. Neighbor search and features are not in it.
 Each runs in a process of its own that may use so many cores, turn by turn; printed is the best, of processor time (all
 threads) and of wall time.
 """
@@ -48,7 +48,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         graph = Path(folder) / "graph.npz"
         edges = write_graph(graph, arguments.particles)
-        print(f"{arguments.particles} particles, {edges / arguments.particles:.1f} neighbours, ", end="")
+        print(f"{arguments.particles} particles, {edges / arguments.particles:.1f} neighbors, ", end="")
         print(f"{arguments.threads} cores; best of {arguments.rounds} x {arguments.repeats}, milliseconds", flush=True)
         best: dict[str, dict] = {}
         for _ in range(arguments.rounds):
@@ -68,7 +68,7 @@ def write_graph(path: Path, particles: int) -> int:
     """Write the features and the graph of a block of water for all to read; returns its number of edges."""
     torch.manual_seed(0)
     graph = water(particles, "cpu")
-    near = graph.neighbourhood
+    near = graph.neighborhood
     np.savez(
         path,
         nodes=torch.randn(particles, INPUTS).numpy(),

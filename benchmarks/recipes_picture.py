@@ -13,9 +13,9 @@ import numpy as np
 import yaml
 from PIL import Image
 
-from surfsup.pictures import renderer_of
-from surfsup.trajectory import Trajectory
+from surfsup.io.trajectory import Trajectory
 from surfsup.viewing.label import label
+from surfsup.viewing.trajectory_pictures import renderer_of
 
 SIZE = (340, 340)  # pixels of each
 

@@ -5,7 +5,7 @@
 
 Of each turn of the solid about z the solver makes the truth, and the model four rollouts: on the mesh, on the SIREN,
 and on either with the water 1 mm aside, which says how much of a difference is chance. Chamfer distances are means
-over all frames, in metres; particles count as inside by the exact distance to the mesh, summed over the frames.
+over all frames, in meters; particles count as inside by the exact distance to the mesh, summed over the frames.
 Truths are kept in FOLDER and not made twice.
 """
 
@@ -20,19 +20,19 @@ import torch
 
 from surfsup.evaluation.evaluate import judge_file
 from surfsup.evaluation.scores import ALL
-from surfsup.model import weights
-from surfsup.model.learned_simulator import LearnedSimulator
-from surfsup.model.simulate import simulate
-from surfsup.reference import solver
+from surfsup.io.trajectory import Provenance, TrajectoryWriter
+from surfsup.learned import weights_file
 from surfsup.scene import Scene, Start
 from surfsup.scene.fluid import Block
-from surfsup.scene.pour import Placing, pour_on
+from surfsup.scene.mesh_scene import Placing, pour_on
 from surfsup.scene.scene import Container
-from surfsup.trajectory import Provenance, TrajectoryWriter
+from surfsup.simulation import simulate
+from surfsup.sph.simulator import Simulator
+from surfsup.splishsplash import solver
 
-FIT = 0.7  # metres: largest extent of the solid
+FIT = 0.7  # meters: largest extent of the solid
 BLOCK = Block(min=(-0.225, -0.225, 0.65), max=(0.225, 0.225, 1.1))
-ASIDE = 1e-3  # metres
+ASIDE = 1e-3  # meters
 
 
 def scene_of(path: Path, up: str | None, turn: float, frames: int) -> Scene:
@@ -50,7 +50,7 @@ def write_truth(path: Path, scene: Scene, start: Start) -> None:
     partial.replace(path)
 
 
-def write_rollout(path: Path, model: LearnedSimulator, scene: Scene, start: Start, aside: float) -> None:
+def write_rollout(path: Path, model: Simulator, scene: Scene, start: Start, aside: float) -> None:
     """What ``model`` makes of ``scene``, its water moved by ``aside`` along x."""
     moved = Start([block + np.float32([aside, 0, 0]) for block in start.blocks], start.velocities, start.left_out)
     with TrajectoryWriter(path, scene, Provenance("model"), len(start.positions)) as writer:
@@ -66,13 +66,13 @@ def main() -> None:
     parser.add_argument("--up", choices=("y", "z"))
     parser.add_argument("--frames", type=int, default=400)
     parser.add_argument("--turns", type=float, nargs="+", default=[0.0, 120.0, 240.0])
-    parser.add_argument("--model", default=weights.DEFAULT_MODEL)
+    parser.add_argument("--model", default=weights_file.DEFAULT_MODEL)
     parser.add_argument("-o", "--out", type=Path, default=Path("out/siren-water"))
     arguments = parser.parse_args()
     warnings.simplefilter("ignore")
     torch.set_num_threads(1)
     arguments.out.mkdir(parents=True, exist_ok=True)
-    model, _ = weights.load(weights.find(arguments.model))
+    model, _ = weights_file.load(weights_file.find(arguments.model))
     found: dict[str, list[float]] = {}
     for turn in arguments.turns:
         name = f"{arguments.mesh.stem}-{turn:g}-{arguments.frames}"
@@ -86,13 +86,13 @@ def main() -> None:
             for solid, scene in scenes.items():
                 rollout = arguments.out / f"{name}-{solid.lower()}{'-aside' if aside else ''}.h5"
                 write_rollout(rollout, model, scene, start, aside)
-                judgement = judge_file(rollout, truth)
-                chamfer = judgement.scores[ALL]["chamfer"]
+                judgment = judge_file(rollout, truth)
+                chamfer = judgment.scores[ALL]["chamfer"]
                 found.setdefault(solid, []).append(chamfer)
-                inside, depth = int(judgement.own.own.inside.sum()), judgement.scores[ALL]["depth"]
+                inside, depth = int(judgment.own.own.inside.sum()), judgment.scores[ALL]["depth"]
                 print(
                     f"turned by {turn:g} degrees, on the {solid}{', 1 mm aside' if aside else ''}: Chamfer "
-                    f"{chamfer:.4f} m, inside {inside} of {judgement.particles * arguments.frames}, "
+                    f"{chamfer:.4f} m, inside {inside} of {judgment.particles * arguments.frames}, "
                     f"{-1000 * (depth or 0):.2f} mm deep in the mean",
                     flush=True,
                 )

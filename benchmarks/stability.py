@@ -16,27 +16,27 @@ from pathlib import Path
 
 import torch
 
-from surfsup.datasets.drawing import Drawing
+from surfsup.datasets.scene_sampling import Drawing
 from surfsup.evaluation.rollout import while_sound
-from surfsup.model import weights
-from surfsup.model.learned_simulator import LearnedSimulator
-from surfsup.model.state import Surroundings
+from surfsup.learned import weights_file
 from surfsup.scene import Scene
+from surfsup.sph.simulator import Simulator
+from surfsup.sph.state import Environment
 
 RECIPES = ("prim-shapes", "prim-unions", "funnels", "bowls", "chairs", "assorted")
 
 
 @torch.no_grad()
-def course(model: LearnedSimulator, scene: Scene, frames: int) -> tuple[int, float, float]:
+def course(model: Simulator, scene: Scene, frames: int) -> tuple[int, float, float]:
     """How many frames were sound, the top speed in m/s, and the largest gain of energy in J/kg."""
     surface = scene.build_surface()
     start = scene.start(surface)
-    around = Surroundings.of(scene, surface)
-    state = model.start(torch.from_numpy(start.positions), torch.from_numpy(start.particle_velocities), around)
+    environment = Environment.of(scene, surface)
+    state = model.start(torch.from_numpy(start.positions), torch.from_numpy(start.particle_velocities), environment)
     energies, speeds = [], []
-    for now, _ in while_sound(model.rollout(state, around, frames)):
+    for now, _ in while_sound(model.rollout(state, environment, frames)):
         squared = now.velocities.square().sum(dim=-1)
-        energies.append(float(squared.mean() / 2 - (now.positions @ around.gravity).mean()))
+        energies.append(float(squared.mean() / 2 - (now.positions @ environment.gravity).mean()))
         speeds.append(float(squared.max().sqrt()))
     return len(energies), max(speeds), max(energies) - energies[0]
 
@@ -44,14 +44,14 @@ def course(model: LearnedSimulator, scene: Scene, frames: int) -> tuple[int, flo
 def main() -> None:
     """One line a recipe: of each of its scenes speed and gain, and how many frames where it ended early."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--model", default=weights.DEFAULT_MODEL)
+    parser.add_argument("--model", default=weights_file.DEFAULT_MODEL)
     parser.add_argument("--seed", type=int, default=99)
     parser.add_argument("--frames", type=int, default=300)
     parser.add_argument("--recipes", nargs="+", default=RECIPES)
     parser.add_argument("-n", type=int, default=6, help="scenes of each recipe")
     arguments = parser.parse_args()
     torch.set_num_threads(1)
-    model, _ = weights.load(weights.find(arguments.model))
+    model, _ = weights_file.load(weights_file.find(arguments.model))
     print("top speed in m/s / gain in J/kg of each scene (frames that were sound, where not all)")
     for recipe in arguments.recipes:
         with tempfile.TemporaryDirectory() as folder:

@@ -17,7 +17,7 @@ COMMANDS = {
     "import the simulator": [
         sys.executable,
         "-c",
-        "import surfsup.model.simulate, surfsup.scene, surfsup.trajectory",
+        "import surfsup.simulation, surfsup.scene, surfsup.io.trajectory",
     ],
 }
 

@@ -2,7 +2,7 @@
 
     python benchmarks/straying.py [DATA] [--scenes 2] [--model NAME] [--every 5] [--no-solver]
 
-Plain Chamfer, metres, mean over the first scenes of a data set. The solver started 1 mm aside is the floor. The solver
+Plain Chamfer, meters, mean over the first scenes of a data set. The solver started 1 mm aside is the floor. The solver
 started anew every few frames from its own positions and velocities, each particle a block of its own, tells what a
 model that knows no more than these could reach. The model is started at the scene's start and at true frames. The
 solver's part takes some minutes a scene, for it starts anew 15 times.
@@ -19,25 +19,25 @@ import numpy as np
 import torch
 from scipy.spatial import cKDTree
 
-from surfsup.model import weights
-from surfsup.model.learned_simulator import LearnedSimulator
-from surfsup.model.state import Surroundings
-from surfsup.reference import solver
+from surfsup.io.trajectory import Trajectory
+from surfsup.learned import weights_file
 from surfsup.scene import Scene
 from surfsup.scene.fluid import Start
 from surfsup.sdf import Surface
-from surfsup.trajectory import Trajectory
+from surfsup.sph.simulator import Simulator
+from surfsup.sph.state import Environment
+from surfsup.splishsplash import solver
 
 FIRST = 45  # the frame from which the solver is started anew: all scenes are still falling, or just touch
 ASKED = (70, 80, 90, 100, 110, 120)
 STARTS = (0, 60, 70, 80, 90, 95)  # the model's
-ASIDE = 1e-3  # metres
+ASIDE = 1e-3  # meters
 
 Told = dict[int, float]  # Chamfer by frame
 
 
 def chamfer(water: np.ndarray, truth: np.ndarray) -> float:
-    """Plain, of particles (N, 3), metres."""
+    """Plain, of particles (N, 3), meters."""
     there, back = cKDTree(truth).query(water)[0], cKDTree(water).query(truth)[0]
     return float(there.mean() + back.mean())
 
@@ -64,7 +64,7 @@ def anew(scene: Scene, surface: Surface | None, truth: np.ndarray, velocities: n
 
 
 def rolled_out(
-    model: LearnedSimulator,
+    model: Simulator,
     scene: Scene,
     surface: Surface | None,
     truth: np.ndarray,
@@ -73,22 +73,22 @@ def rolled_out(
     asked: tuple[int, ...] = ASKED,
 ) -> Told:
     """The model from the scene's start, or from the true frame ``first``, in the frames ``asked`` for."""
-    around = Surroundings.of(scene, surface)
+    environment = Environment.of(scene, surface)
     if first == 0:
         start = scene.start(surface)
-        state = model.start(torch.from_numpy(start.positions), torch.from_numpy(start.particle_velocities), around)
+        state = model.start(torch.from_numpy(start.positions), torch.from_numpy(start.particle_velocities), environment)
     else:
         span = slice(first - model.past, first + 1)
         state = model.state_after(torch.from_numpy(truth[span]), torch.from_numpy(velocities[span]))
     told = {}
     for frame in range(first + 1, asked[-1] + 1):
-        state, _ = model.step(state, around)
+        state, _ = model.step(state, environment)
         if frame in asked:
             told[frame] = chamfer(state.positions.numpy(), truth[frame])
     return told
 
 
-def rows(path: Path, model: LearnedSimulator, every: int, with_solver: bool) -> Iterator[tuple[str, Told]]:
+def rows(path: Path, model: Simulator, every: int, with_solver: bool) -> Iterator[tuple[str, Told]]:
     """What is told of one scene."""
     with Trajectory(path) as trajectory:
         scene = trajectory.scene
@@ -106,13 +106,13 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("data", type=Path, nargs="?", default=Path("data/prim-shapes-validation"))
     parser.add_argument("--scenes", type=int, default=2)
-    parser.add_argument("--model", default=weights.DEFAULT_MODEL)
+    parser.add_argument("--model", default=weights_file.DEFAULT_MODEL)
     parser.add_argument("--every", type=int, default=5, choices=[1, 5], help="frames; the asked ones must be hit")
     parser.add_argument("--solver", action=argparse.BooleanOptionalAction, default=True)
     arguments = parser.parse_args()
     torch.set_grad_enabled(False)
     torch.set_num_threads(1)
-    model, _ = weights.load(weights.find(arguments.model))
+    model, _ = weights_file.load(weights_file.find(arguments.model))
     told: dict[str, list[Told]] = {}
     for path in islice(sorted(arguments.data.glob("*.h5")), arguments.scenes):
         for name, found in rows(path, model, arguments.every, arguments.solver):

@@ -3,7 +3,7 @@
     python benchmarks/surface_particles.py [--size small paper] [--particles 2000 5000 10000] [--threads 1]
 
 Milliseconds of one frame in the middle of the splash, on a primitive, a chair of boxes, one of the shipped neural
-chairs and the furnished room: `seeing` is what comes before the network (neighbours, features, and with surfsup the
+chairs and the furnished room: `seeing` is what comes before the network (neighbors, features, and with surfsup the
 distance of the solid), `frame` is all. The guard is off, for the paper has none. The weights are random: they decide
 nothing here. The frame is the reference solver's, and all take turns on it, so that whatever else the machine does hits
 all alike; with one thread it is processor time. The supplement (2.3.1) tells of 37 % on primitives and 13 % on chairs,
@@ -22,19 +22,19 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from surfsup.datasets.drawing import Drawing
 from surfsup.datasets.recipes.chairs import FIT, WIDEST
 from surfsup.datasets.recipes.standing import box_corners, stand
 from surfsup.datasets.recipes.water import block_above
-from surfsup.model.message_passing.architecture import SIZES, MessagePassingArchitecture
-from surfsup.model.message_passing.gns import Gns, GnsArchitecture
-from surfsup.model.message_passing.history import History
-from surfsup.model.message_passing.simulator import MessagePassingSimulator
-from surfsup.model.message_passing.surfsup import Surfsup
-from surfsup.model.state import Surroundings
-from surfsup.reference import solver
+from surfsup.datasets.scene_sampling import Drawing
+from surfsup.learned.message_passing.architecture import SIZES, MessagePassingArchitecture
+from surfsup.learned.message_passing.gns import Gns, GnsArchitecture
+from surfsup.learned.message_passing.history import History
+from surfsup.learned.message_passing.simulator import MessagePassingSimulator
+from surfsup.learned.message_passing.surfsup import Surfsup
 from surfsup.scene import Container, Scene, Shape
 from surfsup.scene.shapes import DeepSdfShape
+from surfsup.sph.state import Environment
+from surfsup.splishsplash import solver
 
 SEED = 3
 ROOM = 1  # of the complex scenes, which take turns
@@ -83,10 +83,10 @@ def main() -> None:
     torch.set_num_threads(arguments.threads)
     clock = time.process_time if arguments.threads == 1 else time.perf_counter
     for scene in arguments.scene:
-        state, around = splash(SCENES[scene]())
+        state, environment = splash(SCENES[scene]())
         for size in arguments.size:
             contest = simulators({**SIZES[size], "radius": arguments.radius}, arguments.particles)
-            take_turns(contest, state, around, arguments.repeats, clock)
+            take_turns(contest, state, environment, arguments.repeats, clock)
             print(f"\n{scene}, {size}: {len(state.positions)} particles of water, {arguments.threads} threads")
             print(f"{'':<12}{'nodes':>8}{'edges':>10}{'seeing, ms':>12}{'frame, ms':>11}{'of surfsup':>12}")
             for one in contest:
@@ -95,14 +95,14 @@ def main() -> None:
                 print(f"{one.name:<12}{numbers}", flush=True)
 
 
-def splash(scene: Scene) -> tuple[History, Surroundings]:
+def splash(scene: Scene) -> tuple[History, Environment]:
     """The reference solver's water in the middle of a scene, and what is around it."""
     scene = scene.with_frames(FRAME + 1)
     surface = scene.build_surface()
     frames = solver.simulate(scene, surface, scene.start(surface))
     last = list(islice(frames, FRAME - MessagePassingArchitecture.history, FRAME + 1))
     positions = torch.from_numpy(np.stack([positions for positions, _ in last]))
-    return History.of_frames(positions, torch.from_numpy(last[-1][1])), Surroundings.of(scene, surface)
+    return History.of_frames(positions, torch.from_numpy(last[-1][1])), Environment.of(scene, surface)
 
 
 def simulators(sizes: dict, counts: list[int]) -> list[Timed]:
@@ -114,18 +114,18 @@ def simulators(sizes: dict, counts: list[int]) -> list[Timed]:
 
 @torch.no_grad()
 def take_turns(
-    contest: list[Timed], state: History, around: Surroundings, repeats: int, clock: Callable[[], float]
+    contest: list[Timed], state: History, environment: Environment, repeats: int, clock: Callable[[], float]
 ) -> None:
     """Fill in sizes and best times."""
     for one in contest:  # the surface's particles are drawn at first sight, once a scene
-        seen = one.simulator.observe(state, around)
-        one.nodes, one.edges = len(seen.features), len(seen.graph.neighbourhood.senders)
+        seen = one.simulator.observe(state, environment)
+        one.nodes, one.edges = len(seen.features), len(seen.graph.neighborhood.senders)
     for _ in range(repeats):
         for one in contest:
             start = clock()
-            one.simulator.observe(state, around)
+            one.simulator.observe(state, environment)
             between = clock()
-            one.simulator.step(state, around, guarded=False)
+            one.simulator.step(state, environment, handle_collisions=False)
             one.seeing = min(one.seeing, 1e3 * (between - start))
             one.frame = min(one.frame, 1e3 * (clock() - between))
 

@@ -2,7 +2,7 @@
 
     python benchmarks/training_memory.py [--size paper] [--particles 3000] [--precision bf16 32] [--steps 8]
 
-Steps of `surfsup train` on one window of falling water each, with optimiser and averaged weights: what was there before
+Steps of `surfsup train` on one window of falling water each, with optimizer and averaged weights: what was there before
 are the libraries and the network with nothing done yet. The steps are of ever other particle counts, up to the given
 one, as in training, so that what is kept from one to the next counts too. The goal is 2 GB for `paper` in bf16.
 """
@@ -21,14 +21,14 @@ import torch
 from numpy.random import default_rng
 
 from surfsup.datasets.windows import Window
-from surfsup.model.state import Surroundings
 from surfsup.scene import Scene
+from surfsup.sph.state import Environment
 from surfsup.training.config import load_config
 from surfsup.training.objectives import Batch
 from surfsup.training.run import Run
 from surfsup.training.step import take_step
 
-SPACING = 0.033  # of a jittered lattice that has nine neighbours within 0.045
+SPACING = 0.033  # of a jittered lattice that has nine neighbors within 0.045
 SCENE = (
     "surface: {sphere: {radius: 0.3}, at: [0, 0, 0.3]}\nfluid: [{block: {min: [-0.2, -0.2, 1], max: [0.2, 0.2, 1.4]}}]"
 )
@@ -80,8 +80,8 @@ def water(particles: int, past: int) -> Window:
     fall = torch.linspace(0, -0.05, past + 2)[:, None, None] * torch.tensor([0.0, 0.0, 1.0])
     scene = Scene.from_yaml(SCENE, "water beside a ball")
     positions = places + fall
-    around = Surroundings.of(scene, scene.build_surface())
-    return Window(positions, torch.zeros_like(positions), past, around, scene, "water")
+    environment = Environment.of(scene, scene.build_surface())
+    return Window(positions, torch.zeros_like(positions), past, environment, scene, "water")
 
 
 def most() -> float:

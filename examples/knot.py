@@ -13,11 +13,11 @@ import pyvista as pv
 import trimesh
 from scipy.spatial import cKDTree
 
-TUBE = 0.052  # metres, radius of the knot's tube
-KNOT_SCALE = 0.105  # metres a unit of the curve below
-KNOT_CENTRE = np.array([0.0, 0.0, 0.385])
-BLEND = 0.04  # metres over which knot and pedestal flow into each other
-CELL = 0.009  # metres between samples
+TUBE = 0.052  # meters, radius of the knot's tube
+KNOT_SCALE = 0.105  # meters a unit of the curve below
+KNOT_CENTER = np.array([0.0, 0.0, 0.385])
+BLEND = 0.04  # meters over which knot and pedestal flow into each other
+CELL = 0.009  # meters between samples
 TRIANGLES = 16_000
 
 
@@ -25,11 +25,11 @@ def trefoil(turns: np.ndarray) -> np.ndarray:
     """Points (N, 3) of an upright trefoil that stands on two of its lobes, for `turns` (N,) in [0, 1]."""
     t = 2 * np.pi * turns
     across, depth, up = np.sin(t) + 2 * np.sin(2 * t), 1.25 * np.sin(3 * t), 2 * np.cos(2 * t) - np.cos(t)
-    return KNOT_CENTRE + KNOT_SCALE * np.stack([across, depth, up], axis=-1)
+    return KNOT_CENTER + KNOT_SCALE * np.stack([across, depth, up], axis=-1)
 
 
 def knot_distance(points: np.ndarray) -> np.ndarray:
-    """Signed distance (N,) in metres from `points` (N, 3) to the knot's tube, negative inside."""
+    """Signed distance (N,) in meters from `points` (N, 3) to the knot's tube, negative inside."""
     curve = trefoil(np.linspace(0, 1, 4000, endpoint=False))
     return cKDTree(curve).query(points)[0] - TUBE
 
@@ -50,13 +50,13 @@ def pedestal_distance(points: np.ndarray) -> np.ndarray:
 
 
 def smooth_minimum(a: np.ndarray, b: np.ndarray, width: float) -> np.ndarray:
-    """Union of two distances, rounded over `width` metres (the polynomial smooth minimum of I. Quilez)."""
+    """Union of two distances, rounded over `width` meters (the polynomial smooth minimum of I. Quilez)."""
     mix = np.maximum(width - np.abs(a - b), 0) / width
     return np.minimum(a, b) - mix**2 * width / 4
 
 
 def statue() -> trimesh.Trimesh:
-    """The closed mesh, in metres, its foot on z = 0."""
+    """The closed mesh, in meters, its foot on z = 0."""
     # The odd thirds keep samples off the flat faces: a distance of exactly 0 there would give torn triangles.
     low, high = np.array([-0.41, -0.41, -0.03]) + CELL / 3, np.array([0.41, 0.41, 0.82])
     grid = pv.ImageData(dimensions=np.ceil((high - low) / CELL).astype(int), spacing=[CELL] * 3, origin=low)

@@ -1,5 +1,5 @@
 from surfsup import doctor, native
-from surfsup.reference import solver
+from surfsup.splishsplash import solver
 from surfsup.viewing import graphics
 
 
@@ -32,7 +32,7 @@ def test_a_missing_solver_is_mended_by_its_command(monkeypatch):
 
 
 def test_a_package_built_without_a_compiler_says_what_it_costs_and_how_to_mend_it(monkeypatch):
-    monkeypatch.setattr(native, "paths", list)
+    monkeypatch.setattr(native, "instruction_sets", list)
     finding = doctor.native_step()
     assert not finding.fine
     assert "several times as long" in finding.found
@@ -40,5 +40,5 @@ def test_a_package_built_without_a_compiler_says_what_it_costs_and_how_to_mend_i
 
 
 def test_a_native_step_is_named_by_its_instruction_set(monkeypatch):
-    monkeypatch.setattr(native, "paths", lambda: ["avx2", "plain"])
+    monkeypatch.setattr(native, "instruction_sets", lambda: ["avx2", "plain"])
     assert doctor.native_step().found == "built, uses avx2"

@@ -20,7 +20,7 @@ state = (given["positions"], given["velocities"], None, given["solid"], given["s
 
 @torch.no_grad()
 def forward() -> None:
-    """A step: gravity, neighbours, network, new positions and velocities."""
+    """A step: gravity, neighbors, network, new positions and velocities."""
     network(state)
 
 

@@ -7,14 +7,14 @@ import numpy as np
 import torch
 from timing import tell
 
-from surfsup.model.message_passing.architecture import SIZES
-from surfsup.model.message_passing.graph import EdgeGraph
-from surfsup.model.message_passing.network import MessagePassingNetwork
-from surfsup.model.neighbours import Neighbourhood
+from surfsup.learned.message_passing.architecture import SIZES
+from surfsup.learned.message_passing.graph import EdgeGraph
+from surfsup.learned.message_passing.network import MessagePassingNetwork
+from surfsup.sph.neighbor_search import NeighborList
 
 torch.set_num_threads(int(os.environ["OMP_NUM_THREADS"]))
 given = {name: torch.from_numpy(values) for name, values in np.load(sys.argv[1]).items()}
-graph = EdgeGraph(Neighbourhood(given["starts"], given["receivers"], given["senders"]), given["edges"])
+graph = EdgeGraph(NeighborList(given["starts"], given["receivers"], given["senders"]), given["edges"])
 network = MessagePassingNetwork(given["nodes"].shape[1], 3, **SIZES["paper"])
 
 

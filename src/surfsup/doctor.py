@@ -58,8 +58,8 @@ def native_step() -> Finding:
     """The convolution's step in C++."""
     from surfsup import native
 
-    if native.paths():
-        return Finding("native step", True, f"built, uses {native.paths()[0]}")
+    if native.instruction_sets():
+        return Finding("native step", True, f"built, uses {native.instruction_sets()[0]}")
     return Finding(
         "native step",
         False,
@@ -75,7 +75,7 @@ def processor() -> Finding:
 
 def models() -> Finding:
     """The weights that come with the package."""
-    from surfsup.model.weights import shipped
+    from surfsup.learned.weights_file import shipped
 
     names = ", ".join(shipped())
     return Finding(
@@ -88,7 +88,7 @@ def models() -> Finding:
 
 def surfaces() -> Finding:
     """The neural surfaces that come with the package."""
-    from surfsup.sdf.shipped import shipped_surfaces
+    from surfsup.sdf.neural.shipped_surfaces import shipped_surfaces
 
     names = ", ".join(shipped_surfaces())
     remedy = "" if names else "pip install --force-reinstall surfsup"
@@ -107,7 +107,7 @@ def pictures() -> Finding:
 
 def reference_solver() -> Finding:
     """SPlisHSPlasH."""
-    from surfsup.reference import solver
+    from surfsup.splishsplash import solver
 
     try:
         solver.require()

@@ -35,7 +35,7 @@ def test_writes_shape_figure_and_history(monkeypatch, tmp_path, capsys):
     [
         (("bucket",), "there is no design 'bucket'"),
         (("bowl", "--start", "0.5,0"), "the start of r1 is 0.5, outside what is possible here"),
-        (("bowl", "--start", "wide"), "give two radii in metres"),
+        (("bowl", "--start", "wide"), "give two radii in meters"),
         (("latent",), "choose one by its name"),
         (("latent", "--deepsdf", "none.safetensors"), "none.safetensors"),
         (("funnel", "--model", "nobody"), "there is no model 'nobody'"),

@@ -33,7 +33,7 @@ def test_interrupted_before_there_is_an_inside_it_ends_as_interrupted(fitting, c
     stop = stop_after("")
 
     def write_after_a_signal() -> list[str]:
-        stop.signalled = True
+        stop.signaled = True
         return write_nothing()
 
     with pytest.raises(typer.Exit) as ended:
@@ -44,7 +44,7 @@ def test_interrupted_before_there_is_an_inside_it_ends_as_interrupted(fitting, c
 
 def test_interrupted_before_the_first_step_likewise(fitting):
     stop = stop_after("")
-    stop.signalled = True
+    stop.signaled = True
     with pytest.raises(typer.Exit) as ended:
         carry_out(fitting, stop, False, write_nothing)
     assert ended.value.exit_code == INTERRUPTED

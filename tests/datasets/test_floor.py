@@ -4,9 +4,9 @@ import pytest
 from surfsup.datasets.floor import NoFloorWarning, floor
 from surfsup.datasets.generate import generate
 from surfsup.errors import InputError
-from surfsup.reference import solver
+from surfsup.io.trajectory import Provenance, Trajectory, TrajectoryWriter
 from surfsup.scene import Scene
-from surfsup.trajectory import Provenance, Trajectory, TrajectoryWriter
+from surfsup.splishsplash import solver
 from tests.datasets.conftest import needs_solver
 
 pytestmark = [needs_solver, pytest.mark.usefixtures("tiny_recipes")]
@@ -18,7 +18,7 @@ def data(tmp_path):
     return tmp_path
 
 
-def test_each_scene_is_run_again_three_times_from_a_millimetre_away(data):
+def test_each_scene_is_run_again_three_times_from_a_millimeter_away(data):
     told = []
     paths = floor(data, progress=lambda done, count, left: told.append((done, count)))
     assert [path.name for path in paths] == [f"0000{scene}-{run}.h5" for scene in (0, 1) for run in (1, 2, 3)]
@@ -28,7 +28,7 @@ def test_each_scene_is_run_again_three_times_from_a_millimetre_away(data):
             shift = 0.001 * np.eye(3)[number % 3]
             assert again.positions.shape == truth.positions.shape
             np.testing.assert_allclose(again.positions[0], truth.positions[0] + shift, atol=1e-6)
-            # The same lattice, in free fall: it stays a millimetre away.
+            # The same lattice, in free fall: it stays a millimeter away.
             np.testing.assert_allclose(again.positions[-1], truth.positions[-1] + shift, atol=1e-5)
             block, original = again.scene.fluid[0].block, truth.scene.fluid[0].block
             np.testing.assert_allclose(np.subtract(block.min, original.min), shift, atol=1e-9)

@@ -10,13 +10,13 @@ from pathlib import Path
 import pytest
 import yaml
 
-from surfsup.datasets.drawing import Drawing
 from surfsup.datasets.folder import locked
 from surfsup.datasets.generate import generate
-from surfsup.datasets.made import Made
+from surfsup.datasets.generation_record import Made
+from surfsup.datasets.scene_sampling import Drawing
 from surfsup.errors import InputError, SimulationError
-from surfsup.reference.solver import NAME
-from surfsup.trajectory import Trajectory
+from surfsup.io.trajectory import Trajectory
+from surfsup.splishsplash.solver import NAME
 from tests.datasets.conftest import needs_solver
 
 pytestmark = pytest.mark.usefixtures("tiny_recipes")

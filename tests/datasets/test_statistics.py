@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from surfsup.datasets.statistics import Sums, Tally, normalisation
+from surfsup.datasets.statistics import Sums, Tally, normalization
 
 GRAVITY = (1.0, 0.0, -10.0)
 
@@ -20,7 +20,7 @@ def sums_of(positions: np.ndarray, velocities: np.ndarray) -> Sums:
 
 def test_they_are_the_means_and_deviations_of_all_frames_of_all_scenes_together():
     scenes = [frames(seed) for seed in range(3)]
-    said = normalisation(sums_of(*scene) for scene in scenes)
+    said = normalization(sums_of(*scene) for scene in scenes)
     positions, velocities = (np.concatenate(values, axis=2) for values in zip(*scenes, strict=True))
     # The free fall of one frame from velocity v: five steps of 1 ms, each gaining speed before it moves.
     fall = 0.005 * velocities[:-1] + 15e-6 * np.array(GRAVITY)[:, None]
@@ -39,8 +39,8 @@ def test_notes_give_back_the_same_sums():
     sums = sums_of(*frames(4))
     back = Sums.from_notes(sums.to_notes())
     assert back.samples == sums.samples
-    assert normalisation([back]) == normalisation([sums])
+    assert normalization([back]) == normalization([sums])
 
 
 def test_one_frame_alone_says_nothing():
-    assert normalisation([sums_of(*frames(0, count=1))])["samples"] == 0
+    assert normalization([sums_of(*frames(0, count=1))])["samples"] == 0

@@ -4,7 +4,7 @@ import numpy as np
 import psutil
 import pytest
 
-from surfsup.datasets.drawing import Drawing
+from surfsup.datasets.scene_sampling import Drawing
 from surfsup.datasets.stream import stream
 from surfsup.errors import InputError, SimulationError
 from tests.datasets.conftest import needs_solver

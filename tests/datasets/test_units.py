@@ -2,7 +2,7 @@ import h5py
 import pytest
 
 from surfsup.datasets.units import OtherUnits, check_units
-from surfsup.trajectory import Trajectory
+from surfsup.io.trajectory import Trajectory
 from tests.evaluation.scenes import free_fall, write
 
 

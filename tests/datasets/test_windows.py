@@ -7,10 +7,10 @@ import torch
 
 from surfsup.datasets.windows import Window, Windows, symmetry
 from surfsup.errors import InputError
-from surfsup.model.kinds import KINDS
-from surfsup.model.state import Surroundings
+from surfsup.io.trajectory import VELOCITY_STEP, Provenance, TrajectoryWriter
+from surfsup.learned.registry import KINDS
 from surfsup.scene import Scene
-from surfsup.trajectory import VELOCITY_STEP, Provenance, TrajectoryWriter
+from surfsup.sph.state import Environment
 
 # Not square, so that a turn must turn the container too; gravity aslant, so that it must turn as well.
 SCENE = Scene.from_yaml(
@@ -42,7 +42,7 @@ def write(path, count: int) -> tuple[np.ndarray, np.ndarray]:
 
 def window(count: int, past: int = 1) -> Window:
     positions, velocities = (torch.from_numpy(values) for values in frames(count))
-    return Window(positions, velocities, past, Surroundings.of(SCENE, SCENE.build_surface()), SCENE, "a")
+    return Window(positions, velocities, past, Environment.of(SCENE, SCENE.build_surface()), SCENE, "a")
 
 
 def test_a_window_has_a_past_a_present_and_the_frames_after_it():
@@ -91,7 +91,7 @@ def test_a_window_that_begins_with_its_scene_has_the_past_of_a_rollout(tmp_path,
     assert drawn.begins
     assert (drawn.past, drawn.following) == (model.past, 3)
     assert [float(drawn.frame(number)[0][0, 2]) for number in range(4)] == [0, 1, 2, 3]
-    state, start = model.state_after(*drawn.up_to_now), model.start(*drawn.frame(0), drawn.around)
+    state, start = model.state_after(*drawn.up_to_now), model.start(*drawn.frame(0), drawn.environment)
     for ours, theirs in zip(vars(state).values(), vars(start).values(), strict=True):
         torch.testing.assert_close(ours, theirs, atol=1e-6, rtol=1e-5)
 
@@ -161,24 +161,24 @@ def test_symmetries_are_the_eight_of_a_square():
 def test_a_window_and_its_image_are_the_same_scene(seed):
     matrix = symmetry(np.random.default_rng(seed))
     original = window(4)
-    image = original.seen_through(matrix)
+    image = original.transformed_by(matrix)
 
     now, seen_now = original.frame(0)[0], image.frame(0)[0]
-    distance, normal = original.around.distance_and_normal(now)
-    seen_distance, seen_normal = image.around.distance_and_normal(seen_now)
+    distance, normal = original.environment.distance_and_normal(now)
+    seen_distance, seen_normal = image.environment.distance_and_normal(seen_now)
     torch.testing.assert_close(seen_distance, distance, atol=1e-5, rtol=0)
     torch.testing.assert_close(seen_normal, normal @ matrix.T, atol=1e-4, rtol=0)
-    torch.testing.assert_close(image.around.gravity, matrix @ original.around.gravity)
+    torch.testing.assert_close(image.environment.gravity, matrix @ original.environment.gravity)
 
     torch.testing.assert_close(image.positions, original.positions @ matrix.T)
     torch.testing.assert_close(image.velocities, original.velocities @ matrix.T)
     assert (image.past, image.scene, image.name) == (original.past, original.scene, original.name)
     # Distances to the walls are the same, whichever walls they now are.
     to_walls = [
-        torch.cat([points - around.lower, around.upper - points], dim=-1).sort(dim=-1).values
-        for points, around in (
-            (now, original.around),
-            (seen_now, image.around),
+        torch.cat([points - environment.lower, environment.upper - points], dim=-1).sort(dim=-1).values
+        for points, environment in (
+            (now, original.environment),
+            (seen_now, image.environment),
         )
     ]
     torch.testing.assert_close(*to_walls)
@@ -186,8 +186,8 @@ def test_a_window_and_its_image_are_the_same_scene(seed):
 
 def test_an_image_of_an_image_is_the_original():
     matrix = torch.tensor([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
-    original = replace(window(4), around=Surroundings.of(SCENE, None))
-    back = original.seen_through(matrix).seen_through(matrix.T)
+    original = replace(window(4), environment=Environment.of(SCENE, None))
+    back = original.transformed_by(matrix).transformed_by(matrix.T)
     torch.testing.assert_close(back.positions, original.positions)
-    assert torch.equal(back.around.lower, original.around.lower)
-    assert back.around.surface is None
+    assert torch.equal(back.environment.lower, original.environment.lower)
+    assert back.environment.surface is None

@@ -7,8 +7,8 @@ from surfsup.design.folder import resume
 from surfsup.design.paper.latent import latent
 from surfsup.design.task import Task
 from surfsup.errors import InputError
-from surfsup.sdf.code_network import CodeNetwork, CodeSizes
-from surfsup.sdf.deepsdf import DeepSdf, save_deepsdf
+from surfsup.sdf.neural.code_network import CodeNetwork, CodeSizes
+from surfsup.sdf.neural.deepsdf import DeepSdf, save_deepsdf
 from tests.design.test_task import climb, run_of
 
 RADII = (0.4, 0.5, 0.6, 0.7)  # of balls; the code's first number says which
@@ -34,7 +34,7 @@ def balls(tmp_path_factory) -> Path:
 
 @pytest.fixture
 def task(balls, monkeypatch) -> Task:
-    monkeypatch.setattr("surfsup.sdf.neural.LATTICE_RESOLUTION", 24)
+    monkeypatch.setattr("surfsup.sdf.neural.surface.LATTICE_RESOLUTION", 24)
     monkeypatch.setattr("surfsup.design.paper.latent.WATER", (0.18, 0.09))
     return latent(balls, "ball-0.7", frames=16)
 

@@ -10,9 +10,9 @@ from surfsup.design.rivals import WORST, Box, by_model, evolution, first, random
 from surfsup.design.rollout import every_frame
 from surfsup.design.shape_files import closed, write_shape
 from surfsup.errors import InputError
-from surfsup.model.state import Surroundings
+from surfsup.io.trajectory import Trajectory
 from surfsup.sdf import Bowl
-from surfsup.trajectory import Trajectory
+from surfsup.sph.state import Environment
 from tests.design.test_run import away
 from tests.design.test_task import ball_task, climb, run_of
 
@@ -50,8 +50,8 @@ class TestTheSolversFramesAreScoredLikeOurs:
     def test_as_the_learned_rollout_tells_it(self, simulator):
         task = funnel(frames=40)
         water, values = task.water(), {"r1": torch.tensor(0.15), "r2": torch.tensor(0.1)}
-        around = Surroundings.of(task.scene, task.surface(values, water))
-        frames = list(every_frame(simulator, around, water, 40))
+        environment = Environment.of(task.scene, task.surface(values, water))
+        frames = list(every_frame(simulator, environment, water, 40))
         places, landed = settled([(frame.positions.numpy(), None) for frame in frames], task.floor)
         # In floats a particle lands at the floor's height to the last digit, or one below: it has landed then, too.
         assert torch.equal(landed, frames[-1].landed) and torch.allclose(places, frames[-1].positions, atol=1e-5)
@@ -61,11 +61,11 @@ class TestShapeFiles:
     def test_are_closed_and_in_the_units_of_their_readers(self, tmp_path, monkeypatch):
         monkeypatch.setattr("surfsup.design.shape_files.RESOLUTION", 48)
         stl, glb, obj = write_shape(Bowl(0.1, 0.03), tmp_path, "bowl")
-        for path, metre, up in ((stl, 1000, 2), (glb, 1, 1), (obj, 1, 2)):
+        for path, meter, up in ((stl, 1000, 2), (glb, 1, 1), (obj, 1, 2)):
             mesh = trimesh.load(path, force="mesh")
             assert mesh.is_watertight and mesh.volume > 0
-            assert np.ptp(mesh.vertices, axis=0).max() == pytest.approx(0.28 * metre, rel=0.01)
-            assert mesh.bounds[1, up] == pytest.approx(0.02 * metre, rel=0.05)
+            assert np.ptp(mesh.vertices, axis=0).max() == pytest.approx(0.28 * meter, rel=0.01)
+            assert mesh.bounds[1, up] == pytest.approx(0.02 * meter, rel=0.05)
 
     def test_hold_no_slivers_whose_corners_a_reader_would_merge(self):
         box = trimesh.creation.box()

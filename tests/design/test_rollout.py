@@ -5,8 +5,8 @@ import pytest
 import torch
 
 from surfsup.design.rollout import Water, crossing, every_frame, last_frame
-from surfsup.model.state import Surroundings
 from surfsup.sdf import Bowl, Sphere, Transformed
+from surfsup.sph.state import Environment
 
 
 def lattice(side: int, tall: int, bottom: float, dtype: torch.dtype = torch.float32) -> torch.Tensor:
@@ -14,9 +14,9 @@ def lattice(side: int, tall: int, bottom: float, dtype: torch.dtype = torch.floa
     return torch.cartesian_prod(axis, axis, bottom + 0.03 * torch.arange(tall, dtype=dtype))
 
 
-def around(surface, dtype=torch.float32) -> Surroundings:
+def around(surface, dtype=torch.float32) -> Environment:
     corners = (torch.tensor(corner, dtype=dtype) for corner in ([-0.5, -0.5, 0.0], [0.5, 0.5, 2.0]))
-    return Surroundings(surface, *corners, torch.tensor([0.0, 0.0, -9.81], dtype=dtype))
+    return Environment(surface, *corners, torch.tensor([0.0, 0.0, -9.81], dtype=dtype))
 
 
 def falling(positions: torch.Tensor, speed: float = 1.0, **more) -> Water:
@@ -145,7 +145,7 @@ class TestParticlesThatLeave:
             assert not bool((before.landed & ~after.landed).any())
         last = frames[-1]
         assert last.landed.sum() > 0 and torch.allclose(last.positions[last.landed][:, 2], torch.tensor(0.06))
-        # No neighbour has pushed far aside what fell freely: particle i is still the one above its own place.
+        # No neighbor has pushed far aside what fell freely: particle i is still the one above its own place.
         assert (last.positions - self.water.positions)[:, :2].abs().max() < 0.03
 
     def test_are_no_longer_simulated(self, small_simulator):

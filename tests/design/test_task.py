@@ -5,8 +5,8 @@ import torch
 
 from surfsup.design import Outcome, Parameter, Task, bowl, funnel, near
 from surfsup.design import climb as climbing
-from surfsup.design.asked import asked_tasks
 from surfsup.design.folder import resume
+from surfsup.design.paper_tasks import asked_tasks
 from surfsup.design.parameter import starts, within
 from surfsup.design.run import DesignRun
 from surfsup.errors import InputError
@@ -111,7 +111,7 @@ class TestWhatCannotBeDesignedIsToldInOneLine:
         assert "no particle reached the floor, so the reward is undefined" in complaint
 
     def test_a_simulator_without_gradients_here(self, tmp_path):
-        from surfsup.model.kinds import KINDS
+        from surfsup.learned.registry import KINDS
 
         kind = KINDS["no-sdf"]
         other = kind(kind.architecture_type())
@@ -121,8 +121,8 @@ class TestWhatCannotBeDesignedIsToldInOneLine:
         ("arguments", "told"),
         [
             (("bucket", None), "there is no design 'bucket'; there are bowl, funnel and latent"),
-            (("bowl", ["0.1"]), "give two radii in metres"),
-            (("bowl", ["0.1,wide"]), "give two radii in metres"),
+            (("bowl", ["0.1"]), "give two radii in meters"),
+            (("bowl", ["0.1,wide"]), "give two radii in meters"),
             (("latent", None), "choose one by its name"),
             (("latent", ["0.1,0.2"]), "--start is of bowl and funnel"),
         ],

@@ -1,6 +1,6 @@
 import pytest
 
-from surfsup.trajectory import Trajectory
+from surfsup.io.trajectory import Trajectory
 from tests.evaluation.scenes import free_fall, write
 
 

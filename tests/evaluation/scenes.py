@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from surfsup.model.simulator import Architecture, Simulator
-from surfsup.model.state import State
+from surfsup.io.trajectory import Provenance, TrajectoryWriter
+from surfsup.learned.corrected.simulator import Architecture, CorrectedSimulator
 from surfsup.scene import Scene
-from surfsup.trajectory import Provenance, TrajectoryWriter
+from surfsup.sph.state import ParticleState
 
 FRAMES = 20
 SCENE = Scene.from_yaml(
@@ -50,20 +50,20 @@ class Replay:
         """It plays on every device."""
         return self
 
-    def start(self, positions: torch.Tensor, velocities: torch.Tensor, around: object) -> State:
+    def start(self, positions: torch.Tensor, velocities: torch.Tensor, around: object) -> ParticleState:
         """It starts where its first frame is, whatever it is told."""
-        return State(positions, velocities)
+        return ParticleState(positions, velocities)
 
-    def rollout(self, state, around, frames, guarded=True) -> Iterator[tuple[State, torch.Tensor]]:
+    def rollout(self, state, around, frames, handle_collisions=True) -> Iterator[tuple[ParticleState, torch.Tensor]]:
         """The given frames, whatever the state."""
         for positions, velocities in self.frames[:frames]:
             now, gone = torch.from_numpy(positions), torch.from_numpy(velocities)
-            yield State(now, gone), torch.full((len(now),), self.moved)
+            yield ParticleState(now, gone), torch.full((len(now),), self.moved)
 
 
-def silent() -> Simulator:
+def silent() -> CorrectedSimulator:
     """A model that adds nothing to ballistic motion."""
-    simulator = Simulator(Architecture(width=4, layers=1))
+    simulator = CorrectedSimulator(Architecture(width=4, layers=1))
     for parameter in simulator.parameters():
         torch.nn.init.zeros_(parameter)
     return simulator

@@ -4,7 +4,7 @@ import torch
 
 from surfsup.evaluation.compare import compare
 from surfsup.evaluation.metrics import chamfer, highest_density, tree
-from surfsup.trajectory import Trajectory
+from surfsup.io.trajectory import Trajectory
 from tests.evaluation.scenes import FRAMES, SCENE, free_fall, write
 
 LONG = SCENE.with_frames(40)  # more than are read at once
@@ -91,7 +91,7 @@ def test_particles_that_get_lost_are_counted_and_the_others_still_compared(truth
     with Trajectory(write(tmp_path / "a" / "lossy.h5", positions, velocities)) as lossy:
         (found,) = compare(truth, [lossy])
     assert found.own.lost.tolist() == [0, 0, 0, 1, 2, 1, 1] + [0] * (FRAMES - 7)
-    # All but the lost one lie where they should; the truth's lost one has a neighbour at one spacing.
+    # All but the lost one lie where they should; the truth's lost one has a neighbor at one spacing.
     assert found.chamfer[3] == pytest.approx(0.03 / positions.shape[1], rel=1e-3)
     assert found.chamfer[4] == pytest.approx(chamfer(positions[4], free_fall()[0][4]).plain)
     assert np.isfinite(found.own.energy).all()

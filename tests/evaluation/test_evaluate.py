@@ -3,11 +3,11 @@ import pytest
 
 from surfsup.errors import InputError
 from surfsup.evaluation.evaluate import evaluate, judge_file
+from surfsup.evaluation.load_trajectories import data_sets, usable_truths
 from surfsup.evaluation.rollout import roll_out
 from surfsup.evaluation.scores import ALL, ratios
 from surfsup.evaluation.summary import summaries
-from surfsup.evaluation.usable import data_sets, usable_truths
-from surfsup.trajectory import Trajectory
+from surfsup.io.trajectory import Trajectory
 from tests.evaluation.scenes import FRAMES, SCENE, Replay, free_fall, silent, write
 
 
@@ -70,16 +70,16 @@ def judged(tmp_path):
 
 
 def test_every_scene_is_judged_and_its_rollout_kept(judged, tmp_path):
-    assert [(scene.name, scene.judgement.surface) for scene in judged] == [
+    assert [(scene.name, scene.judgment.surface) for scene in judged] == [
         ("00000", "sphere"),
         ("00001", "sphere"),
         ("00002", "none"),
     ]
     for scene in judged:
         assert scene.rollout.is_file()
-        assert scene.judgement.scores[ALL]["chamfer"] < 3e-5
+        assert scene.judgment.scores[ALL]["chamfer"] < 3e-5
     assert judged[0].rollout == tmp_path / "report/trajectories/falls/00000.h5"
-    assert [len(scene.judgement.floors) for scene in judged] == [1, 0, 0]
+    assert [len(scene.judgment.floors) for scene in judged] == [1, 0, 0]
 
 
 def test_means_are_by_surface_and_of_all_and_the_ratio_is_over_scenes_with_a_floor(judged):
@@ -90,11 +90,11 @@ def test_means_are_by_surface_and_of_all_and_the_ratio_is_over_scenes_with_a_flo
         ("falls", "all", 3, 1),
     ]
     assert every.model[ALL]["chamfer"] == pytest.approx(
-        np.mean([scene.judgement.scores[ALL]["chamfer"] for scene in judged])
+        np.mean([scene.judgment.scores[ALL]["chamfer"] for scene in judged])
     )
-    assert every.floor[ALL] == judged[0].judgement.floor[ALL]
+    assert every.floor[ALL] == judged[0].judgment.floor[ALL]
     assert every.ratio[ALL]["chamfer"] == pytest.approx(
-        judged[0].judgement.scores[ALL]["chamfer"] / judged[0].judgement.floor[ALL]["chamfer"]
+        judged[0].judgment.scores[ALL]["chamfer"] / judged[0].judgment.floor[ALL]["chamfer"]
     )
     assert (bare.floor, bare.ratio) == ({}, {})
 

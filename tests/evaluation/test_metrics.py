@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from surfsup.evaluation.metrics import (
-    centre_height,
+    center_height,
     chamfer,
     chamfer_surface,
     cubic_spline,
@@ -87,13 +87,13 @@ def test_chamfer_is_symmetric_blind_to_order_and_moves_along(count, other, seed)
 
 
 def test_height_and_energy_worked_by_hand():
-    assert centre_height(np.float32([[0, 0, 1], [9, 9, 2]])) == 1.5
+    assert center_height(np.float32([[0, 0, 1], [9, 9, 2]])) == 1.5
     assert kinetic_energy(np.float32([[3, 0, 4], [0, 0, 0]])) == 0.5 * 25 / 2
 
 
 def test_height_of_many_particles_is_not_lost_to_float32():
     heights = np.full((1_000_000, 3), 0.1, dtype=np.float32)
-    assert centre_height(heights) == pytest.approx(float(np.float32(0.1)), rel=1e-12)
+    assert center_height(heights) == pytest.approx(float(np.float32(0.1)), rel=1e-12)
 
 
 def lattice(side: int, spacing: float) -> np.ndarray:
@@ -107,7 +107,7 @@ def test_density_is_one_on_the_lattice_and_grows_as_it_is_squeezed():
 
 
 def test_density_equals_the_sum_over_all_pairs():
-    points = np.random.default_rng(0).uniform(0, 0.1, (40, 3))  # few enough neighbours for none to be left out
+    points = np.random.default_rng(0).uniform(0, 0.1, (40, 3))  # few enough neighbors for none to be left out
     apart = np.linalg.norm(points[:, None] - points[None], axis=-1)
     assert highest_density(tree(points)) == pytest.approx((0.03**3 * cubic_spline(apart)).sum(axis=1).max())
 

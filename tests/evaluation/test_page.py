@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from surfsup.evaluation.evaluate import evaluate
+from surfsup.evaluation.load_trajectories import data_sets, usable_truths
 from surfsup.evaluation.page import write_page
 from surfsup.evaluation.report import Subject, evaluation_report
 from surfsup.evaluation.scores import METRICS
-from surfsup.evaluation.usable import data_sets, usable_truths
 from surfsup.evaluation.videos import Example, examples, write_videos
-from surfsup.model.weights import Card
+from surfsup.learned.weights_file import Card
 from tests.evaluation.scenes import FRAMES, free_fall, silent, write
 
 SUBJECT = Subject(Card("</script><b>bold", "a card with </script> in it & <i>more</i>"), True, 0.09)

@@ -13,7 +13,7 @@ from tests.evaluation.scenes import FRAMES, SCENE, free_fall, write
 
 @pytest.fixture
 def files(tmp_path):
-    """A fall, and the same fall a millimetre aside."""
+    """A fall, and the same fall a millimeter aside."""
     positions, velocities = free_fall()
     aside = positions + np.float32([0.001, 0, 0])
     return write(tmp_path / "a/one.h5", aside, velocities), write(tmp_path / "b/truth.h5", positions, velocities)
@@ -21,11 +21,11 @@ def files(tmp_path):
 
 def test_one_trajectory_is_judged_by_another(files, tmp_path):
     pair = judge_pair(*files)
-    assert pair.judgement.scores[ALL]["chamfer"] == pytest.approx(0.002, rel=1e-3)
+    assert pair.judgment.scores[ALL]["chamfer"] == pytest.approx(0.002, rel=1e-3)
     assert f"no floor beside truth.h5 (make it with 'surfsup floor {files[1].parent}')" in pair.text()
     write_json(tmp_path / "pair.json", pair.report())
     report = json.loads((tmp_path / "pair.json").read_text())
-    assert report["windows"]["all"]["chamfer"]["model"] == pair.judgement.scores[ALL]["chamfer"]
+    assert report["windows"]["all"]["chamfer"]["model"] == pair.judgment.scores[ALL]["chamfer"]
     assert len(report["curves"]["chamfer"]["model"]) == FRAMES
     assert (report["judged"], report["truth"]) == tuple(map(str, files))
 
@@ -35,7 +35,7 @@ def test_the_truths_floor_is_shown_too(files):
     write(truth.parent / "floor/truth-1.h5", *free_fall())
     write(truth.parent / "floor/truth-2.h5", *free_fall(3))
     pair = judge_pair(one, truth)
-    assert len(pair.judgement.floors) == 1
+    assert len(pair.judgment.floors) == 1
     assert "no floor" not in pair.text()
     assert f"skipped {truth.parent / 'floor/truth-2.h5'}: was cut off" in pair.text()
     assert pair.text().splitlines()[4].split() == ["judged", "floor", "ratio"] * 4
@@ -45,7 +45,7 @@ def test_the_common_frames_of_different_lengths_are_compared_and_that_is_said(fi
     one, truth = files
     write(truth, *free_fall(7))
     pair = judge_pair(one, truth)
-    assert len(pair.judgement.own) == 7
+    assert len(pair.judgment.own) == 7
     assert "20 frames and 7: the first 7, which both have, are compared" in pair.text()
 
 
@@ -56,8 +56,8 @@ def test_particle_counts_may_differ_and_that_is_said(files):
     pair = judge_pair(one, truth)
     count = positions.shape[1]
     assert f"{count - 5} particles and {count}" in pair.text()
-    # The truth's five extra ones are a spacing from their neighbours, or more.
-    assert pair.judgement.scores[ALL]["chamfer"] >= 5 * 0.03 / count * (1 - 1e-3)
+    # The truth's five extra ones are a spacing from their neighbors, or more.
+    assert pair.judgment.scores[ALL]["chamfer"] >= 5 * 0.03 / count * (1 - 1e-3)
 
 
 def test_different_scenes_are_one_clear_line(files):

@@ -7,12 +7,12 @@ import pytest
 
 from surfsup.errors import InputError
 from surfsup.evaluation.evaluate import evaluate
+from surfsup.evaluation.load_trajectories import data_sets, usable_truths
 from surfsup.evaluation.report import Subject, evaluation_report, make_folder, plain, write_json
 from surfsup.evaluation.scores import METRICS
-from surfsup.evaluation.table import evaluation_text, judgement_text
-from surfsup.evaluation.usable import data_sets, usable_truths
-from surfsup.model.seen import Seen
-from surfsup.model.weights import Card
+from surfsup.evaluation.table import evaluation_text, judgment_text
+from surfsup.learned.training_domain import TrainingDomain
+from surfsup.learned.weights_file import Card
 from tests.evaluation.scenes import FRAMES, SCENE, free_fall, silent, write
 
 SUBJECT = Subject(Card("silent", "falls & <nothing else>"), True, 0.09)
@@ -41,7 +41,7 @@ def report(evaluated, tmp_path):
 
 
 def test_the_report_says_what_was_judged_and_what_every_number_means(report):
-    assert report["model"] == {"name": "silent", "about": SUBJECT.card.about, "guarded": True}
+    assert report["model"] == {"name": "silent", "about": SUBJECT.card.about, "handle_collisions": True}
     assert [metric["key"] for metric in report["metrics"]] == [metric.key for metric in METRICS]
     assert all(metric["tells"] for metric in report["metrics"])
     assert report["frame_time"] == 0.005
@@ -101,9 +101,9 @@ def test_the_terminal_shows_model_floor_and_ratio_and_names_what_is_missing(eval
     assert all(metric.tells in text for metric in METRICS)
 
 
-def test_one_judgement_is_shown_over_time_with_and_without_a_floor(evaluated):
+def test_one_judgment_is_shown_over_time_with_and_without_a_floor(evaluated):
     _, scenes, _ = evaluated
-    with_floor, without = (judgement_text(scene.judgement) for scene in scenes)
+    with_floor, without = (judgment_text(scene.judgment) for scene in scenes)
     assert "floor" in with_floor.splitlines()[1]
     assert [line.split()[0] for line in with_floor.splitlines()[2:4]] == ["0-100", "first"]
     assert without.splitlines()[1].split()[0] == "0-100"
@@ -116,20 +116,20 @@ def test_a_folder_that_cannot_be_made_is_refused(tmp_path):
         make_folder(tmp_path / "file" / "report")
 
 
-def test_a_model_judged_without_its_guard_over_some_frames_is_labelled_so(evaluated, tmp_path):
+def test_a_model_judged_without_its_guard_over_some_frames_is_labeled_so(evaluated, tmp_path):
     sets, scenes, skipped = evaluated
-    subject = replace(SUBJECT, guarded=False, scenes=3, frames=100)
+    subject = replace(SUBJECT, handle_collisions=False, scenes=3, frames=100)
     text = evaluation_text(subject, scenes, sets, skipped)
     assert "falls: 1 scene, all with their floor; 'silent' without the guard, the first 100 frames\n" in text
     assert "the guard moved" not in text
     report = evaluation_report(subject, sets, scenes, skipped, tmp_path / "report")
-    assert report["model"]["guarded"] is False
+    assert report["model"]["handle_collisions"] is False
     assert report["limits"] == {"scenes": 3, "frames": 100}
 
 
 def test_data_that_training_had_not_seen_are_marked(evaluated, tmp_path):
     sets, scenes, skipped = evaluated
-    seen = replace(Seen.of(SCENE, 100, 9.0), surfaces=("cone",))
+    seen = replace(TrainingDomain.of(SCENE, 100, 9.0), surfaces=("cone",))
     subject = replace(SUBJECT, card=replace(SUBJECT.card, seen=seen))
     data = evaluation_report(subject, sets, scenes, skipped, tmp_path / "report")["data"]
     assert ["not trained for a solid of kind 'sphere' (1 of 1 scenes)" in one["unseen"] for one in data] == [True] * 2

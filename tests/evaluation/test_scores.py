@@ -9,17 +9,8 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from surfsup.evaluation.compare import Comparison
-from surfsup.evaluation.course import Course
-from surfsup.evaluation.scores import (
-    ALL,
-    METRICS,
-    mean_scores,
-    quotient,
-    ratio,
-    ratios,
-    rebound,
-    scores,
-)
+from surfsup.evaluation.scores import ALL, METRICS, mean_scores, quotient, ratio, ratios, rebound, scores
+from surfsup.evaluation.trajectory_statistics import Course
 
 
 def comparison(frames: int) -> Comparison:

@@ -1,12 +1,12 @@
 from pathlib import Path
 
+from surfsup.evaluation.load_trajectories import Truth
 from surfsup.evaluation.unseen import unseen
-from surfsup.evaluation.usable import Truth
-from surfsup.model.seen import Seen
+from surfsup.learned.training_domain import TrainingDomain
 from surfsup.scene import Container, Scene
 from tests.evaluation.scenes import SCENE
 
-SEEN = Seen.of(SCENE, 1000, 5.0)
+SEEN = TrainingDomain.of(SCENE, 1000, 5.0)
 EMPTY = SCENE.model_copy(update={"surface": None})
 
 

@@ -39,7 +39,7 @@ def test_triangles_inside_a_solid_are_no_surface():
     second.apply_translation([1.0, 0, 0])
     exact = ExactMesh(trimesh.util.concatenate([ball(1.0), second]))
     known = exact.on_surface(4000, np.random.default_rng(0))
-    own = known.points / exact.cube.scale + np.asarray(exact.cube.centre)
+    own = known.points / exact.cube.scale + np.asarray(exact.cube.center)
     outside = np.minimum(np.linalg.norm(own, axis=1), np.linalg.norm(own - [1, 0, 0], axis=1))
     assert len(known.points) < 3400
     assert outside.min() > 0.98

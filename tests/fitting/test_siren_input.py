@@ -24,7 +24,7 @@ def test_the_solid_of_a_scene_is_taken_where_it_stands(tmp_path):
         "fluid: [{block: {min: [-0.2, -0.2, 1.0], max: [0.2, 0.2, 1.2]}}]\n"
     )
     target, _ = read_input(path, None, 1000, 0)
-    np.testing.assert_allclose(target.cube.centre, (0.1, 0, 0.3), atol=5e-3)
+    np.testing.assert_allclose(target.cube.center, (0.1, 0, 0.3), atol=5e-3)
 
 
 def test_a_cloud_can_be_stood_up_too(tmp_path):

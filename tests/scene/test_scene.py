@@ -8,15 +8,7 @@ from hypothesis import strategies as st
 
 from surfsup.errors import InputError
 from surfsup.scene import SPACING, SURFACE_CLEARANCE, Block, Container, Fluid, Scene, Shape
-from surfsup.scene.shapes import (
-    BoxShape,
-    ConeShape,
-    CylinderShape,
-    MeshShape,
-    Rotation,
-    SphereShape,
-    TorusShape,
-)
+from surfsup.scene.shapes import BoxShape, ConeShape, CylinderShape, MeshShape, Rotation, SphereShape, TorusShape
 
 WATER = "fluid: [{block: {min: [-0.2, -0.2, 1.0], max: [0.2, 0.2, 1.4]}}]\n"
 

@@ -12,13 +12,13 @@ from tests.sdf.solids import points_around
 
 def some_boxes(count, seed=0):
     generator = torch.Generator().manual_seed(seed)
-    size, centre, axis = (torch.rand(count, 3, generator=generator, dtype=torch.float64) for _ in range(3))
+    size, center, axis = (torch.rand(count, 3, generator=generator, dtype=torch.float64) for _ in range(3))
     turns = [axis_rotation(axis[k] + 0.1, 90.0 * k) for k in range(count)]
-    return 0.1 + 0.3 * size, torch.stack(turns), centre - 0.5
+    return 0.1 + 0.3 * size, torch.stack(turns), center - 0.5
 
 
-def as_union(size, rotation, centre):
-    return Union(*(Transformed(Box(s), r, c) for s, r, c in zip(size, rotation, centre, strict=True)))
+def as_union(size, rotation, center):
+    return Union(*(Transformed(Box(s), r, c) for s, r, c in zip(size, rotation, center, strict=True)))
 
 
 @given(count=st.integers(1, 12), seed=st.integers(0, 1000))
@@ -34,13 +34,13 @@ def test_distance_normal_and_bounds_are_those_of_the_union(count, seed):
 
 
 def test_gradients_in_points_and_parameters_are_those_of_finite_differences():
-    size, rotation, centre = some_boxes(5)
-    points = points_around(Boxes(size, rotation, centre), count=40).requires_grad_()
+    size, rotation, center = some_boxes(5)
+    points = points_around(Boxes(size, rotation, center), count=40).requires_grad_()
 
-    def distance(points, size, centre):
-        return Boxes(size, rotation, centre).distance(points)
+    def distance(points, size, center):
+        return Boxes(size, rotation, center).distance(points)
 
-    assert torch.autograd.gradcheck(distance, (points, size.requires_grad_(), centre.requires_grad_()), atol=1e-6)
+    assert torch.autograd.gradcheck(distance, (points, size.requires_grad_(), center.requires_grad_()), atol=1e-6)
 
 
 def test_single_precision_agrees_with_double():
@@ -61,10 +61,10 @@ def test_normals_point_out_of_the_nearest_box():
 
 
 @pytest.mark.parametrize(
-    ("size", "centre", "fault"),
+    ("size", "center", "fault"),
     [(torch.zeros(0, 3), torch.zeros(0, 3), "must be"), (torch.ones(2, 3), torch.zeros(1, 3), "must be"),
      (torch.tensor([[1.0, 0.0, 1.0]]), torch.zeros(1, 3), "positive")],
 )  # fmt: skip
-def test_parts_that_do_not_fit_together_are_one_line(size, centre, fault):
+def test_parts_that_do_not_fit_together_are_one_line(size, center, fault):
     with pytest.raises(InputError, match=fault):
-        Boxes(size, torch.eye(3).repeat(len(size), 1, 1), centre)
+        Boxes(size, torch.eye(3).repeat(len(size), 1, 1), center)

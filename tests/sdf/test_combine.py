@@ -6,17 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from surfsup.errors import InputError
-from surfsup.sdf import (
-    Box,
-    Difference,
-    Intersection,
-    MeshSurface,
-    Sphere,
-    Torus,
-    Transformed,
-    Union,
-    polygonise,
-)
+from surfsup.sdf import Box, Difference, Intersection, MeshSurface, Sphere, Torus, Transformed, Union, polygonize
 from tests.sdf.solids import points_around
 
 place = st.tuples(*[st.floats(-0.3, 0.3)] * 3)
@@ -65,7 +55,7 @@ BALLS = (Sphere(0.3), Transformed(Sphere(0.25), translation=(0.25, 0.0, 0.1)))
 def test_the_distance_is_a_bound_and_a_union_is_true_outside(operation):
     solid = operation(*BALLS)
     query = points_around(solid, count=3000)
-    true = MeshSurface(polygonise(solid, 128), exact=True).distance(query)
+    true = MeshSurface(polygonize(solid, 128), exact=True).distance(query)
     distance = solid.distance(query)
     assert (distance.abs() <= true.abs() + 1e-3).all()
     if operation is Union:

@@ -31,7 +31,7 @@ def geotiff(path, samples, nodata=None):
 
 
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
-def test_a_grey_png_is_its_samples(tmp_path, dtype):
+def test_a_gray_png_is_its_samples(tmp_path, dtype):
     samples = (HILLS % 250).astype(dtype)
     Image.fromarray(samples).save(tmp_path / "a.png")
     np.testing.assert_array_equal(load_heights(tmp_path / "a.png"), samples)
@@ -68,10 +68,10 @@ def test_what_is_no_terrain_is_one_line(tmp_path):
         image.save(tmp_path / name, **options)
         return tmp_path / name
 
-    grey = Image.fromarray((HILLS % 250).astype(np.uint8))
-    assert "is no grey image (its mode is RGB)" in refused(saved("rgb.png", grey.convert("RGB")))
-    assert "is no grey image (its mode is LA)" in refused(saved("alpha.png", grey.convert("LA")))
-    assert "is no grey image (its mode is P)" in refused(saved("palette.png", grey.convert("P")))
+    gray = Image.fromarray((HILLS % 250).astype(np.uint8))
+    assert "is no gray image (its mode is RGB)" in refused(saved("rgb.png", gray.convert("RGB")))
+    assert "is no gray image (its mode is LA)" in refused(saved("alpha.png", gray.convert("LA")))
+    assert "is no gray image (its mode is P)" in refused(saved("palette.png", gray.convert("P")))
     assert "has 1 x 1 samples" in refused(saved("one.png", Image.new("L", (1, 1))))
     assert "has 5 x 1 samples" in refused(saved("line.png", Image.new("L", (1, 5))))
     np.savez(tmp_path / "two.npz", a=HILLS, b=HILLS)

@@ -27,14 +27,14 @@ from surfsup.sdf import (
     load_siren,
     standing,
 )
-from surfsup.sdf.code_network import CodeNetwork, CodeSizes
-from surfsup.sdf.deepsdf import DeepSdfSurface
-from surfsup.sdf.sine_network import SineNetwork
-from surfsup.sdf.siren import SirenSurface
+from surfsup.sdf.neural.code_network import CodeNetwork, CodeSizes
+from surfsup.sdf.neural.deepsdf import DeepSdfSurface
+from surfsup.sdf.neural.sine_network import SineNetwork
+from surfsup.sdf.neural.siren import SirenSurface
 from tests.sdf.solids import SHAPES, points_around
 
 pytestmark = pytest.mark.skipif(
-    not native.paths(), reason="the package was built without a compiler, so there is no native step"
+    not native.instruction_sets(), reason="the package was built without a compiler, so there is no native step"
 )
 
 TURN = axis_rotation((1.0, 2.0, -0.5), 40.0)
@@ -101,7 +101,7 @@ SOLIDS = {
     "nested": Union(Difference(Union(Sphere(0.3), Box((0.7, 0.2, 0.2))), Cylinder(0.1, 1.0)), boxes(3)),
 }
 every_solid = pytest.mark.parametrize("name", SOLIDS)
-every_path = pytest.mark.parametrize("path", native.paths())
+every_path = pytest.mark.parametrize("path", native.instruction_sets())
 
 
 def by_torch(surface: Surface, points: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
@@ -113,7 +113,7 @@ def by_torch(surface: Surface, points: torch.Tensor) -> tuple[torch.Tensor, torc
 @every_path
 @every_solid
 def test_distance_and_normal_are_those_of_torch(name, path, monkeypatch):
-    monkeypatch.setattr(native, "paths", lambda: [path])
+    monkeypatch.setattr(native, "instruction_sets", lambda: [path])
     surface = SOLIDS[name]
     assert surface.native_solid() is not None
     points = points_around(surface, 5000, dtype=torch.float32)
@@ -257,11 +257,11 @@ def test_a_solid_in_cpp_stays_as_it_was_when_its_network_changes():
     surface = sines(16, 2)
     solid, points = surface.native_solid(), points_around(surface, 100, dtype=torch.float32).numpy()
     before, after = (np.empty(100, np.float32) for _ in range(2))
-    solid.look(points, before, None, native.paths()[0], 1)
+    solid.look(points, before, None, native.instruction_sets()[0], 1)
     with torch.no_grad():
         for value in surface.network.parameters():
             value.mul_(1.1)
-    solid.look(points, after, None, native.paths()[0], 1)
+    solid.look(points, after, None, native.instruction_sets()[0], 1)
     assert np.array_equal(before, after)
 
 
@@ -346,5 +346,9 @@ def test_a_native_solid_of_the_wrong_things_is_refused(kind, numbers, parts):
 def test_sizes_that_do_not_fit_are_refused():
     with pytest.raises(ValueError, match="distance has 3 rows, but must have 2"):
         native.Solid("sphere", [1.0], []).look(
-            np.zeros((2, 3), np.float32), np.zeros(3, np.float32), np.zeros((2, 3), np.float32), native.paths()[0], 1
+            np.zeros((2, 3), np.float32),
+            np.zeros(3, np.float32),
+            np.zeros((2, 3), np.float32),
+            native.instruction_sets()[0],
+            1,
         )

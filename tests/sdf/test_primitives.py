@@ -129,12 +129,12 @@ def test_points_on_the_surface_have_a_normal(surface, point, normal):
 @given(
     radius=st.floats(0.25, 0.5),
     direction=st.tuples(*[st.floats(-1, 1)] * 3).filter(lambda v: sum(x * x for x in v) > 0.01),
-    metres=st.floats(-0.2, 2.0),
+    meters=st.floats(-0.2, 2.0),
 )
-def test_a_sphere_is_its_radius_from_its_centre(radius, direction, metres):
+def test_a_sphere_is_its_radius_from_its_center(radius, direction, meters):
     unit = torch.nn.functional.normalize(torch.tensor([direction], dtype=torch.float64))
-    distance, normal = Sphere(radius).distance_and_normal(unit * (radius + metres))
-    assert float(distance) == pytest.approx(metres, abs=1e-6)
+    distance, normal = Sphere(radius).distance_and_normal(unit * (radius + meters))
+    assert float(distance) == pytest.approx(meters, abs=1e-6)
     torch.testing.assert_close(normal, unit)
 
 

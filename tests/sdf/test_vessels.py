@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from surfsup.errors import InputError
-from surfsup.sdf import Bowl, Funnel, MeshSurface, polygonise
+from surfsup.sdf import Bowl, Funnel, MeshSurface, polygonize
 from tests.sdf.solids import points_around, revolved
 
 # Starts and ends of the two design tasks of section 7 of the SURFSUP supplement, and shapes beyond them.
@@ -30,9 +30,9 @@ def doubles(parameters):
     return {name: torch.tensor(value, dtype=torch.float64) for name, value in parameters.items()}
 
 
-def arc(centre, radius, start, end, count=100):
+def arc(center, radius, start, end, count=100):
     angle = np.radians(np.linspace(start, end, count))
-    return np.column_stack([centre + radius * np.cos(angle), radius * np.sin(angle)])
+    return np.column_stack([center + radius * np.cos(angle), radius * np.sin(angle)])
 
 
 def outline(kind, parameters):
@@ -115,7 +115,7 @@ def test_a_spout_is_as_wide_inside_as_the_filter_radius(capture, hole):
 def test_bounds_are_the_tightest_box(vessel):
     kind, parameters = vessel
     surface = kind(**parameters)
-    mesh = polygonise(surface, 120)
+    mesh = polygonize(surface, 120)
     assert mesh.is_watertight
     np.testing.assert_allclose(surface.bounds().numpy(), mesh.bounds, atol=2e-3)
 

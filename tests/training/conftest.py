@@ -3,13 +3,13 @@ import pytest
 import torch
 
 from surfsup.datasets.windows import Windows
-from surfsup.model.simulator import Architecture, Simulator
-from surfsup.model.state import State, Surroundings
+from surfsup.io.trajectory import Provenance, TrajectoryWriter
+from surfsup.learned.corrected.simulator import Architecture, CorrectedSimulator
 from surfsup.scene import Scene
+from surfsup.sph.state import Environment, ParticleState
 from surfsup.training.batches import read_batch
 from surfsup.training.config import Phase, TrainingConfig
 from surfsup.training.run import Run
-from surfsup.trajectory import Provenance, TrajectoryWriter
 
 FRAMES = 14
 SCENE = Scene.from_yaml(
@@ -26,13 +26,13 @@ def write_fall(path, scene: Scene) -> None:
     """Water that falls onto the ball, as a network corrects it that knows nothing."""
     surface = scene.build_surface()
     start = scene.start(surface)
-    around = Surroundings.of(scene, surface)
+    environment = Environment.of(scene, surface)
     torch.manual_seed(0)
-    simulator = Simulator(Architecture(width=8, layers=1)).requires_grad_(False)
+    simulator = CorrectedSimulator(Architecture(width=8, layers=1)).requires_grad_(False)
     simulator.network.decoder[-1].weight.normal_(std=2.0)
-    state = State(torch.from_numpy(start.positions), torch.from_numpy(start.particle_velocities))
+    state = ParticleState(torch.from_numpy(start.positions), torch.from_numpy(start.particle_velocities))
     with TrajectoryWriter(path, scene, Provenance("some fall"), len(start.positions)) as writer:
-        for now, _ in simulator.rollout(state, around, scene.frames):
+        for now, _ in simulator.rollout(state, environment, scene.frames):
             writer.append(now.positions.numpy(), now.velocities.numpy())
 
 

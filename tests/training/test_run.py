@@ -4,8 +4,8 @@ import pytest
 import torch
 
 from surfsup.errors import InputError
-from surfsup.model import weights
-from surfsup.model.simulator import Architecture, Simulator
+from surfsup.learned import weights_file
+from surfsup.learned.corrected.simulator import Architecture, CorrectedSimulator
 from surfsup.training.run import Run
 from tests.training.conftest import config, message_passing
 
@@ -20,7 +20,7 @@ def complaint(run: Run) -> str:
 
 def test_a_file_that_is_no_checkpoint_is_refused_in_one_line(tmp_path):
     run = Run(config(), tmp_path)
-    weights.save(run.files.last, run.model, weights.Card("a", "b"))
+    weights_file.save(run.files.last, run.model, weights_file.Card("a", "b"))
     assert "no checkpoint" in complaint(run)
 
 
@@ -65,6 +65,6 @@ def test_a_run_can_start_from_trained_weights_of_its_own_architecture(of, tmp_pa
     run.start_from(trained)
     for begun in (run.model, run.average):
         assert all(torch.equal(value, trained.state_dict()[name]) for name, value in begun.state_dict().items())
-    for other in (Simulator(Architecture(width=3, layers=1)), Run(message_passing("no-sdf"), tmp_path).model):
+    for other in (CorrectedSimulator(Architecture(width=3, layers=1)), Run(message_passing("no-sdf"), tmp_path).model):
         with pytest.raises(InputError, match="the weights to start from are of"):
             run.start_from(other)

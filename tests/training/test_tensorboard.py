@@ -4,7 +4,7 @@ import torch
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
 from surfsup.datasets.windows import Windows
-from surfsup.evaluation.judge import first_trajectories
+from surfsup.evaluation.validation_scores import first_trajectories
 from surfsup.training import tensorboard as module
 from surfsup.training.rollout_picture import draw_rollout
 from surfsup.training.tensorboard import TensorBoard, log_of

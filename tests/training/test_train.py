@@ -9,9 +9,9 @@ import torch
 
 from surfsup.datasets.windows import Windows
 from surfsup.errors import InputError
-from surfsup.model import weights
+from surfsup.learned import weights_file
+from surfsup.optim.stopping import Stop as Stopping
 from surfsup.training import train as training
-from surfsup.training.stopping import Stop as Stopping
 from surfsup.training.train import NotANumber, Run, train
 from tests.training.conftest import Stop, assert_same, batch_of, config, message_passing, stop_at
 
@@ -33,7 +33,7 @@ def test_a_resumed_run_is_bit_for_bit_the_undisturbed_one(tmp_path, data, of):
 
     assert_same(resumed, straight)
     assert (resumed.best, resumed.seen) == (straight.best, straight.seen)
-    best = [weights.load(tmp_path / name / "best.safetensors")[0].state_dict() for name in ("straight", "halves")]
+    best = [weights_file.load(tmp_path / name / "best.safetensors")[0].state_dict() for name in ("straight", "halves")]
     assert all(torch.equal(best[0][name], best[1][name]) for name in best[0])
 
 
@@ -52,7 +52,7 @@ def test_a_run_leaves_checkpoint_log_and_the_best_weights(tmp_path, data):
     log = (run.folder / "log.csv").read_text().splitlines()
     assert log[0].startswith("step,seconds,loss,chamfer")
     assert [line.split(",")[0] for line in log[1:]] == ["4", "8"]
-    simulator, card = weights.load(run.folder / "best.safetensors")
+    simulator, card = weights_file.load(run.folder / "best.safetensors")
     assert simulator.architecture == run.model.architecture
     assert '"seed":5' in card.about
     assert card.seen.particles == run.seen.particles
@@ -91,7 +91,7 @@ def test_a_signal_is_a_checkpoint_to_go_on_from(tmp_path, data, number):
 
 
 def test_a_run_stopped_before_its_first_step_loses_nothing(tmp_path, data):
-    of = message_passing("surfsup")  # whose normalisations are measured before the first step
+    of = message_passing("surfsup")  # whose normalizations are measured before the first step
     run = Run(of, tmp_path)
     train(run, Windows(data), data, Stopping(0))
     assert run.step == 0

@@ -6,14 +6,14 @@ PLAIN = np.full((120, 300, 3), 90, dtype=np.uint8)
 
 
 def test_a_label_stands_in_the_upper_left_and_leaves_the_rest_alone():
-    labelled = label(PLAIN, "model")
-    changed = (labelled != PLAIN).any(axis=-1)
+    labeled = label(PLAIN, "model")
+    changed = (labeled != PLAIN).any(axis=-1)
     rows, columns = np.nonzero(changed)
-    assert labelled.shape == PLAIN.shape
+    assert labeled.shape == PLAIN.shape
     assert rows.max() < 40
     assert columns.max() < 100
-    assert labelled[changed].min() < 80  # ink
-    assert labelled[changed].max() > 150  # paper
+    assert labeled[changed].min() < 80  # ink
+    assert labeled[changed].max() > 150  # paper
 
 
 def test_a_longer_text_has_a_longer_patch_of_the_same_height():

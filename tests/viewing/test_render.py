@@ -46,8 +46,8 @@ def test_the_same_frame_gives_the_same_picture_after_another(renderer):
 
 def test_water_behind_the_solid_is_hidden(renderer):
     behind = (BLOCK * 0.5 + [-0.2, 0.35, 0.1]).astype(np.float32)
-    centre = patch(renderer, renderer.image(behind), [0, 0, 0.25])
-    assert blueness(centre).mean() < -30
+    center = patch(renderer, renderer.image(behind), [0, 0, 0.25])
+    assert blueness(center).mean() < -30
 
 
 def test_a_scene_without_solid_and_a_broken_rollout_are_drawn(off_screen):

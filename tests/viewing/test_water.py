@@ -7,7 +7,7 @@ from surfsup.errors import SimulationError
 from surfsup.viewing.water import water_surface
 
 RADIUS = 0.015
-# Particles of a frame of a falling block (x, y, z, metres, float32) around which pysplashsurf 0.14
+# Particles of a frame of a falling block (x, y, z, meters, float32) around which pysplashsurf 0.14
 # loses a vertex, on a grid of 0.7 radii.
 UNLUCKY = np.load(Path(__file__).with_name("unlucky_particles.npy"), allow_pickle=False)
 

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from surfsup.cli.options import Near
-from surfsup.progress import bar
+from surfsup.cli.progress import bar
 
 
 def compare(

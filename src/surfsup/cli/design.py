@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from surfsup.cli.options import Model, Seed
+from surfsup.cli.progress import bar, design_line
 from surfsup.cli.status import INTERRUPTED
-from surfsup.progress import bar, design_line
 
 if TYPE_CHECKING:
     from surfsup.design.run import DesignRun
@@ -19,7 +19,7 @@ def design(
     task: Annotated[str, typer.Argument(metavar="bowl|funnel|latent", help="What to design.")],
     out: Annotated[Path, typer.Option("-o", "--out", help="Output folder.")],
     start: Annotated[
-        list[str] | None, typer.Option(help="Start with R1,R2 in metres; repeated, each start gets a folder.")
+        list[str] | None, typer.Option(help="Start with R1,R2 in meters; repeated, each start gets a folder.")
     ] = None,
     deepsdf: Annotated[
         Path | None, typer.Option(help="Of latent: a network of `surfsup fit deepsdf`; the shipped chairs.")
@@ -28,7 +28,7 @@ def design(
     iterations: Annotated[int, typer.Option(min=1, help="Steps uphill, at most.")] = 100,
     frames: Annotated[int | None, typer.Option(min=1, help="Frames of a rollout; 50, of the funnel 75.")] = None,
     smooth: Annotated[
-        float | None, typer.Option(min=0, help="Metres by which the water's start is moved at random, each time anew.")
+        float | None, typer.Option(min=0, help="Meters by which the water's start is moved at random, each time anew.")
     ] = None,
     model: Model = None,
     seed: Seed = 0,
@@ -41,12 +41,12 @@ def design(
 
     Example: surfsup design bowl -o out/bowl
     """
-    from surfsup.design.asked import asked_tasks
     from surfsup.design.figure import draw_runs, require_matplotlib
-    from surfsup.design.optimise import optimise
-    from surfsup.model import weights
-    from surfsup.reference import solver
-    from surfsup.training.stopping import Stop
+    from surfsup.design.optimize import optimize
+    from surfsup.design.paper_tasks import asked_tasks
+    from surfsup.learned import weights_file
+    from surfsup.optim.stopping import Stop
+    from surfsup.splishsplash import solver
     from surfsup.viewing.graphics import require_graphics
 
     require_matplotlib()
@@ -56,11 +56,11 @@ def design(
         solver.require()
     tasks = asked_tasks(task, out, start, frames, deepsdf, shape)
     runs: list[DesignRun] = []
-    named = model or weights.DEFAULT_MODEL
+    named = model or weights_file.DEFAULT_MODEL
     with Stop() as stop:
         for folder, one in tasks:
             with design_line(folder.name) as tell:
-                run = optimise(one, folder, iterations, named, smooth, seed, resume, stop, tell)
+                run = optimize(one, folder, iterations, named, smooth, seed, resume, stop, tell)
             if not run.done:
                 raise typer.Exit(INTERRUPTED)
             runs.append(run)

@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from surfsup.cli.options import Device, Near, NoVideos
-from surfsup.progress import bar
+from surfsup.cli.progress import bar
 
 
 def evaluate(
@@ -31,15 +31,15 @@ def evaluate(
     """
     from surfsup.evaluation import report
     from surfsup.evaluation.evaluate import evaluate as judge
+    from surfsup.evaluation.load_trajectories import data_sets, usable_truths
     from surfsup.evaluation.page import write_page
     from surfsup.evaluation.table import evaluation_text
     from surfsup.evaluation.unseen import unseen
-    from surfsup.evaluation.usable import data_sets, usable_truths
     from surfsup.evaluation.videos import examples, why_no_videos, write_videos
-    from surfsup.model import weights
-    from surfsup.model.simulate import choose_device
+    from surfsup.learned import weights_file
+    from surfsup.simulation import choose_device
 
-    simulator, card = weights.load(weights.find(model))
+    simulator, card = weights_file.load(weights_file.find(model))
     where = choose_device(device)
     sets = data_sets(data, first_scenes)
     with bar("reading the truth") as tell:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import typer
 
-from surfsup.cli.codes import between, code
 from surfsup.cli.fit_deepsdf import deepsdf
 from surfsup.cli.fit_siren import siren
+from surfsup.cli.shape_codes import between, code
 
 fit = typer.Typer(help="Fit networks that are surfaces: a SIREN to one shape, a DeepSDF to many.")
 

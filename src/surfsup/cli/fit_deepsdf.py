@@ -9,7 +9,7 @@ import typer
 from surfsup.cli.fit_options import OutFile, Overrides, Resume, Threads, TimeLimit, UpAxis
 from surfsup.cli.fit_run import carry_out, stop_after
 from surfsup.cli.options import Seed
-from surfsup.progress import bar
+from surfsup.cli.progress import bar
 
 
 def deepsdf(
@@ -36,7 +36,7 @@ def deepsdf(
     from surfsup.fitting.folder import fit_folder
     from surfsup.fitting.sample_file import load_samples, save_samples
     from surfsup.fitting.shape_set import shape_set
-    from surfsup.sdf.deepsdf import save_deepsdf
+    from surfsup.sdf.neural.deepsdf import save_deepsdf
 
     torch.set_num_threads(threads)
     config = config_of(DeepSdfConfig, [*(overrides or []), f"seed={seed}"])

@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING
 
 import typer
 
+from surfsup.cli.progress import fitting_line
 from surfsup.cli.status import INTERRUPTED
 from surfsup.errors import InputError
-from surfsup.progress import fitting_line
 
 if TYPE_CHECKING:
     from surfsup.fitting.fit import Fit
-    from surfsup.training.stopping import Stop
+    from surfsup.optim.stopping import Stop
 
 
 def stop_after(time_limit: str) -> Stop:
@@ -22,8 +22,8 @@ def stop_after(time_limit: str) -> Stop:
     Raises:
         InputError: the limit is no time.
     """
+    from surfsup.optim.stopping import Stop
     from surfsup.training.config import seconds_of
-    from surfsup.training.stopping import Stop
 
     return Stop(seconds_of(time_limit) if time_limit else float("inf"))
 
@@ -57,7 +57,7 @@ def carry_out(fitting: Fit, stop: Stop, resume: bool, write: Callable[[], list[s
         try:
             told = write() if fitting.best else []
         except NothingInside as error:
-            if failed is None and not stop.signalled:
+            if failed is None and not stop.signaled:
                 raise
             told = [str(error)]
     if failed is not None:
@@ -65,7 +65,7 @@ def carry_out(fitting: Fit, stop: Stop, resume: bool, write: Callable[[], list[s
     for line in told:
         typer.echo(line)
     typer.echo(f"{fitting.step} of {fitting.config.steps} steps in {fitting.processor_seconds:.0f} s of processor time")
-    if stop.signalled:
+    if stop.signaled:
         raise typer.Exit(INTERRUPTED)
     if not fitting.best:
         raise InputError("there was no time for a single step; give more --time")

@@ -36,7 +36,7 @@ def siren(
     from surfsup.fitting.siren_fit import SirenConfig, SirenFit
     from surfsup.fitting.siren_input import read_input
     from surfsup.fitting.siren_result import as_text, errors_of, surface_of
-    from surfsup.sdf.siren import save_siren
+    from surfsup.sdf.neural.siren import save_siren
 
     torch.set_num_threads(threads)
     config = config_of(SirenConfig, [*(overrides or []), f"seed={seed}"])

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from surfsup.cli.options import Scheduler, Seed, Workers
-from surfsup.progress import paced_bar
+from surfsup.cli.progress import paced_bar
 
 
 def generate(

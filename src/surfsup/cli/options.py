@@ -8,15 +8,15 @@ from typing import Annotated
 import typer
 
 
-def length(metres: float) -> float:
+def length(meters: float) -> float:
     """A length that an option gives.
 
     Raises:
         typer.BadParameter: it is not above zero or not finite.
     """
-    if not 0 < metres < float("inf"):
-        raise typer.BadParameter(f"{metres} is not a length in metres above 0")
-    return metres
+    if not 0 < meters < float("inf"):
+        raise typer.BadParameter(f"{meters} is not a length in meters above 0")
+    return meters
 
 
 Vector = tuple[float, float, float]
@@ -28,11 +28,11 @@ Source = Annotated[
 ]
 Out = Annotated[Path | None, typer.Option("-o", "--out", help="Output folder; out/NAME by default.")]
 Frames = Annotated[int | None, typer.Option(min=1, help="Frames of 0.005 s; 800 by default.")]
-Fit = Annotated[float, typer.Option(help="Largest extent that the mesh is scaled to, in metres.")]
-NoFit = Annotated[bool, typer.Option("--no-fit", help="Take the mesh as it is, in metres.")]
+Fit = Annotated[float, typer.Option(help="Largest extent that the mesh is scaled to, in meters.")]
+NoFit = Annotated[bool, typer.Option("--no-fit", help="Take the mesh as it is, in meters.")]
 Up = Annotated[str | None, typer.Option(help="The mesh's own upward axis, y or z.")]
 Turn = Annotated[float, typer.Option(help="Turn the mesh by so many degrees about z.")]
-At = Annotated[Vector | None, typer.Option(help="Where the mesh's foot goes, in metres.")]
+At = Annotated[Vector | None, typer.Option(help="Where the mesh's foot goes, in meters.")]
 BlockMin = Annotated[Vector | None, typer.Option(help="Lower corner of the block of water.")]
 BlockMax = Annotated[Vector | None, typer.Option(help="Upper corner of the block of water.")]
 ShapeName = Annotated[str | None, typer.Option("--shape", help="Which shape of a DeepSDF's file.")]
@@ -45,6 +45,6 @@ Device = Annotated[str | None, typer.Option(help="cpu or cuda; a GPU is taken wh
 Workers = Annotated[int | None, typer.Option(help="Simulations side by side on this machine; 2 by default.")]
 Scheduler = Annotated[str | None, typer.Option(help="A dask scheduler whose workers do it: tcp://host:port.")]
 Near = Annotated[
-    float, typer.Option(callback=length, help="Metres; particles nearer to the solid count for Chamfer Surface.")
+    float, typer.Option(callback=length, help="Meters; particles nearer to the solid count for Chamfer Surface.")
 ]
 Seed = Annotated[int, typer.Option(min=0, help="Where random choices start.")]

@@ -22,9 +22,9 @@ from surfsup.cli.options import (
     Turn,
     Up,
 )
+from surfsup.cli.progress import bar
 from surfsup.cli.results import open_folder, show
 from surfsup.cli.scene_source import read_scene
-from surfsup.progress import bar
 
 
 def reference(
@@ -48,9 +48,9 @@ def reference(
 
     Example: surfsup reference bunny.obj -o out/bunny-truth
     """
-    from surfsup.reference import solver
-    from surfsup.reference.pressed_water import warn_of_pressed_water
-    from surfsup.trajectory import Provenance
+    from surfsup.io.trajectory import Provenance
+    from surfsup.splishsplash import solver
+    from surfsup.splishsplash.compressed_start import warn_of_pressed_water
 
     scene = read_scene(source, frames, None if no_fit else fit, up, turn, at, block_min, block_max, container, shape)
     surface = scene.build_surface()

@@ -7,16 +7,16 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from surfsup.progress import bar
+from surfsup.cli.progress import bar
 
 if TYPE_CHECKING:
-    from surfsup.output import OutputFolder, Summary
+    from surfsup.io.output_folder import OutputFolder, Summary
     from surfsup.scene import Scene, Start
 
 
 def open_folder(out: Path | None, source: Path, scene: Scene, start: Start, pictures: bool) -> OutputFolder:
     """The output folder, once it is known that what was asked for can be made here."""
-    from surfsup.output import OutputFolder
+    from surfsup.io.output_folder import OutputFolder
     from surfsup.viewing.graphics import require_graphics
 
     if pictures:
@@ -26,7 +26,7 @@ def open_folder(out: Path | None, source: Path, scene: Scene, start: Start, pict
 
 def show(folder: OutputFolder, summary: Summary, left_out: int, no_page: bool, no_video: bool) -> None:
     """Make page and video, and say what was made, how fast, and how to look at it."""
-    from surfsup.pictures import write_page_of, write_video_of
+    from surfsup.viewing.trajectory_pictures import write_page_of, write_video_of
 
     if not no_page:
         with bar("writing the page") as tell:

@@ -28,7 +28,7 @@ def read_scene(
 ) -> Scene:
     """The scene file ``source``, or the scene of water on the surface in ``source``; says how that was placed."""
     from surfsup.scene import Scene
-    from surfsup.scene.pour import Placing, pour_on
+    from surfsup.scene.mesh_scene import Placing, pour_on
     from surfsup.scene.scene import checked_block, checked_container
 
     if source.suffix.lower() in (".yaml", ".yml"):

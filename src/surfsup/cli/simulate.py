@@ -26,9 +26,9 @@ from surfsup.cli.options import (
     Turn,
     Up,
 )
+from surfsup.cli.progress import bar
 from surfsup.cli.results import open_folder, show
 from surfsup.cli.scene_source import read_scene
-from surfsup.progress import bar
 
 
 def simulate(
@@ -55,12 +55,12 @@ def simulate(
 
     Example: surfsup simulate bunny.obj -o out/bunny
     """
-    from surfsup.model import weights
-    from surfsup.model.simulate import choose_device
-    from surfsup.model.simulate import simulate as frames_of
-    from surfsup.trajectory import Provenance
+    from surfsup.io.trajectory import Provenance
+    from surfsup.learned import weights_file
+    from surfsup.simulation import choose_device
+    from surfsup.simulation import simulate as frames_of
 
-    simulator, card = weights.load(weights.find(model or weights.DEFAULT_MODEL))
+    simulator, card = weights_file.load(weights_file.find(model or weights_file.DEFAULT_MODEL))
     where = choose_device(device)
     scene = read_scene(source, frames, None if no_fit else fit, up, turn, at, block_min, block_max, container, shape)
     if card.seen is not None and (strange := card.seen.warning(scene)) is not None:
@@ -73,7 +73,7 @@ def simulate(
             scene,
             surface,
             start,
-            frames_of(simulator, scene, surface, start, where, guarded=not no_guard),
+            frames_of(simulator, scene, surface, start, where, handle_collisions=not no_guard),
             Provenance(card.name, seed),
             where,
             tell,

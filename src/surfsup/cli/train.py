@@ -8,9 +8,9 @@ from typing import Annotated
 import typer
 
 from surfsup.cli.options import Device, Scheduler, Workers
+from surfsup.cli.progress import training_line
 from surfsup.cli.status import INTERRUPTED
 from surfsup.errors import InputError
-from surfsup.progress import training_line
 
 
 def train(
@@ -38,11 +38,11 @@ def train(
 
     from surfsup.datasets.streamed_windows import StreamedWindows, stream_for_training
     from surfsup.datasets.windows import Windows
-    from surfsup.model import weights
-    from surfsup.model.simulate import choose_device
+    from surfsup.learned import weights_file
+    from surfsup.optim.stopping import Stop
+    from surfsup.simulation import choose_device
     from surfsup.training.config import load_config, seconds_of
     from surfsup.training.devices import fabric_on, leave_together
-    from surfsup.training.stopping import Stop
     from surfsup.training.train import Run
     from surfsup.training.train import train as run_training
 
@@ -55,7 +55,9 @@ def train(
     stop = Stop(seconds_of(time_limit) if time_limit else float("inf"))
     run = Run(config, out, fabric_on(choose_device(device)))
     if start is not None:
-        simulator = Run.average_of(Path(start)) if Path(start).is_dir() else weights.load(weights.find(start))[0]
+        simulator = (
+            Run.average_of(Path(start)) if Path(start).is_dir() else weights_file.load(weights_file.find(start))[0]
+        )
         run.start_from(simulator)
     if resume:
         run.resume()
@@ -78,7 +80,7 @@ def train(
             tell, log = stack.enter_context(training_line()), stack.enter_context(log_of(run, validation))
         run_training(run, windows, validation, stop, tell, log)
     leave_together(run.fabric)
-    if stop.signalled:
+    if stop.signaled:
         raise typer.Exit(INTERRUPTED)
     if not run.fabric.is_global_zero:
         return

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from surfsup.progress import bar
+from surfsup.cli.progress import bar
 
 
 def view(trajectory: Annotated[Path, typer.Argument(help="A trajectory.h5.")]) -> None:
@@ -15,7 +15,7 @@ def view(trajectory: Annotated[Path, typer.Argument(help="A trajectory.h5.")]) -
 
     Example: surfsup view out/bunny/trajectory.h5
     """
-    from surfsup.pictures import write_page_of
+    from surfsup.viewing.trajectory_pictures import write_page_of
 
     with bar("writing the page") as tell:
         page = write_page_of(trajectory, trajectory.with_name("page.html"), tell)
@@ -30,8 +30,8 @@ def render(
 
     Example: surfsup render out/bunny/trajectory.h5 --frame 120
     """
-    from surfsup.pictures import write_picture_of, write_video_of
     from surfsup.viewing.graphics import require_graphics
+    from surfsup.viewing.trajectory_pictures import write_picture_of, write_video_of
 
     require_graphics()
     if frame is not None:

@@ -8,17 +8,17 @@ import numpy as np
 import torch
 
 from surfsup.datasets.density import number_density
-from surfsup.reference.job import SOLVER_STEP
 from surfsup.scene import SPACING, Scene
 from surfsup.sdf import Surface
+from surfsup.splishsplash.job_files import SOLVER_STEP
 
 # Of 87 scenes 81 gained at most 0.02 J/kg; those that a wrong boundary kicked gained 0.11 to 2.8.
 ENERGY_GAIN = 0.05
 # The solver keeps water from being compressed: in 24 scenes, every tenth frame, the densest particle had 1.008 times
-# the lattice's number density, and 38 neighbours within 0.06 m instead of 32.
+# the lattice's number density, and 38 neighbors within 0.06 m instead of 32.
 DENSITY_CEILING = 1.05
 DENSITY_EVERY = 25  # frames: looking takes 2 ms, and what clumps stays clumped
-# m/s: a particle that passes its neighbours within one step of the solver has not been simulated. Jets are slower: 11
+# m/s: a particle that passes its neighbors within one step of the solver has not been simulated. Jets are slower: 11
 # from primitives, 14 to 18 below funnels, 26 from the hole of a bowl; a dozen particles each, and no energy is gained.
 FASTEST = SPACING / SOLVER_STEP
 REACH_SHARE = 0.999  # of a distance that a particle may move before it is measured again; less than 1 for rounding
@@ -43,7 +43,7 @@ class Check:
         self._lowest_energy = math.inf
 
     def look_at(self, positions: np.ndarray, velocities: np.ndarray) -> None:
-        """Look at the next frames: positions (K, 3, N) in metres and velocities (K, 3, N) in m/s, float64.
+        """Look at the next frames: positions (K, 3, N) in meters and velocities (K, 3, N) in m/s, float64.
 
         Raises:
             UnphysicalError: not finite, out of the container, in the solid, too fast, too dense, or energy was gained.
@@ -57,7 +57,7 @@ class Check:
         squared_speed = np.einsum("kij,kij->kj", velocities, velocities)
         fastest = math.sqrt(squared_speed.max())
         if fastest > FASTEST:
-            raise UnphysicalError(f"a particle flew at {fastest:.3g} m/s, past its neighbours in a step of the solver")
+            raise UnphysicalError(f"a particle flew at {fastest:.3g} m/s, past its neighbors in a step of the solver")
         self._look_at_energy(positions, squared_speed)
         for frame in range(-self._frames % DENSITY_EVERY, len(positions), DENSITY_EVERY):
             density = float(number_density(positions[frame]).max())
@@ -93,7 +93,7 @@ class SolidWatch:
         self._squared_reach = np.empty(0)  # (N,)
 
     def look_at(self, positions: np.ndarray) -> None:
-        """Look at the positions (K, 3, N) of the next frames, metres.
+        """Look at the positions (K, 3, N) of the next frames, meters.
 
         Raises:
             UnphysicalError: a particle is inside.

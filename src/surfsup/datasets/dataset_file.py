@@ -1,4 +1,4 @@
-"""``dataset.yaml``: what a data set is, of what it was made, and the statistics to normalise by."""
+"""``dataset.yaml``: what a data set is, of what it was made, and the statistics to normalize by."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ from pathlib import Path
 import yaml
 
 from surfsup import __version__
-from surfsup.datasets.drawing import Drawing
 from surfsup.datasets.folder import whole_file
-from surfsup.datasets.made import Made
-from surfsup.datasets.statistics import normalisation
+from surfsup.datasets.generation_record import Made
+from surfsup.datasets.scene_sampling import Drawing
+from surfsup.datasets.statistics import normalization
 from surfsup.errors import InputError
-from surfsup.reference import solver
-from surfsup.scene.text import parse_yaml
+from surfsup.scene.yaml_text import parse_yaml
+from surfsup.splishsplash import solver
 
 NAME = "dataset.yaml"
 
@@ -86,6 +86,6 @@ def describe(folder: Path, identity: Identity, scenes: Sequence[Made]) -> None:
         for attempt, reason in enumerate(scene.set_aside)
     ]
     if scenes:
-        data["statistics"] = normalisation(scene.sums for scene in scenes)
+        data["statistics"] = normalization(scene.sums for scene in scenes)
     with whole_file(folder / NAME) as path:
         path.write_text(yaml.safe_dump(data, sort_keys=False, default_flow_style=None, width=120))

@@ -7,18 +7,18 @@ from scipy.spatial import cKDTree
 
 from surfsup.scene import SPACING
 
-SUPPORT = 2 * SPACING  # metres: how far the solver's kernel reaches
+SUPPORT = 2 * SPACING  # meters: how far the solver's kernel reaches
 
 
 def number_density(positions: np.ndarray) -> np.ndarray:
     """The number density (N,) at each particle, 1 in the middle of the lattice; less at any surface.
 
-    The sum of the cubic spline kernel over all neighbours (J. J. Monaghan, "Smoothed particle hydrodynamics",
+    The sum of the cubic spline kernel over all neighbors (J. J. Monaghan, "Smoothed particle hydrodynamics",
     Annual Review of Astronomy and Astrophysics 30, 1992), times the lattice's volume a particle. Solids and walls
     add nothing.
 
     Args:
-        positions: (3, N), metres.
+        positions: (3, N), meters.
     """
     points = np.ascontiguousarray(positions.T)
     first, second = (

@@ -1,4 +1,4 @@
-"""The floor: the reference run again from starts moved by a millimetre, against which no model can be told to fail."""
+"""The floor: the reference run again from starts moved by a millimeter, against which no model can be told to fail."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ import numpy as np
 
 from surfsup.datasets.check import UnphysicalError
 from surfsup.datasets.folder import locked, whole_file
-from surfsup.datasets.pace import Pace
+from surfsup.datasets.progress_estimate import Pace
 from surfsup.datasets.simulation import Run, patiently
-from surfsup.datasets.work import crew, while_wanted
+from surfsup.datasets.worker_pool import crew, while_wanted
 from surfsup.errors import InputError
-from surfsup.reference import solver
+from surfsup.io.trajectory import Provenance, Trajectory, TrajectoryWriter
 from surfsup.scene import Block, Fluid, Scene, Start
-from surfsup.trajectory import Provenance, Trajectory, TrajectoryWriter
+from surfsup.splishsplash import solver
 
 FOLDER = "floor"
-STEP = 0.001  # metres
+STEP = 0.001  # meters
 AXES = 3  # the start is moved along x, y and z in turn
 
 

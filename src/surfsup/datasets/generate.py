@@ -8,15 +8,15 @@ from pathlib import Path
 
 from surfsup.datasets import dataset_file
 from surfsup.datasets.dataset_file import Identity
-from surfsup.datasets.drawing import Drawing
 from surfsup.datasets.folder import locked, whole_file
-from surfsup.datasets.made import Made, note_making
-from surfsup.datasets.pace import Pace
+from surfsup.datasets.generation_record import Made, note_making
+from surfsup.datasets.progress_estimate import Pace
+from surfsup.datasets.scene_sampling import Drawing
 from surfsup.datasets.simulation import Run, simulate_sound
-from surfsup.datasets.work import crew, while_wanted
+from surfsup.datasets.worker_pool import crew, while_wanted
 from surfsup.errors import InputError, SimulationError
-from surfsup.reference import solver
-from surfsup.trajectory import Provenance, TrajectoryWriter
+from surfsup.io.trajectory import Provenance, TrajectoryWriter
+from surfsup.splishsplash import solver
 
 
 def generate(

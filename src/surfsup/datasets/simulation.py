@@ -10,12 +10,12 @@ from typing import TypeVar
 import numpy as np
 
 from surfsup.datasets.check import Check, UnphysicalError
-from surfsup.datasets.drawing import Drawing
+from surfsup.datasets.scene_sampling import Drawing
 from surfsup.datasets.statistics import Sums, Tally
 from surfsup.errors import SimulationError
-from surfsup.reference import solver
 from surfsup.scene import Scene, Start
 from surfsup.sdf import Surface
+from surfsup.splishsplash import solver
 
 DRAWS = 5  # scenes drawn for one index before it is given up
 FRAMES_AT_ONCE = 8
@@ -60,7 +60,7 @@ class Run:
         return len(self._start.positions)
 
     def __iter__(self) -> Generator[tuple[np.ndarray, np.ndarray], None, None]:
-        """Positions (N, 3) in metres and velocities (N, 3) in m/s of each frame, float32.
+        """Positions (N, 3) in meters and velocities (N, 3) in m/s of each frame, float32.
 
         Raises:
             UnphysicalError: no fluid does what this one did.

@@ -1,4 +1,4 @@
-"""Means and standard deviations of what a model sees and predicts, for normalising."""
+"""Means and standard deviations of what a model sees and predicts, for normalizing."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 import numpy as np
 import torch
 
-from surfsup.model.state import free_fall_drop
 from surfsup.scene import FRAME_TIME
+from surfsup.sph.state import free_fall_drop
 
 QUANTITIES = ("velocity", "velocity_change", "beyond_ballistic")
 
@@ -24,7 +24,7 @@ class Sums:
         squares: quantity -> the sum of its squares (3,).
 
     The quantities are ``velocity`` (m/s, at the end of a frame), ``velocity_change`` (m/s, over a frame) and
-    ``beyond_ballistic`` (metres: the displacement of a frame less what a free fall from its start would give).
+    ``beyond_ballistic`` (meters: the displacement of a frame less what a free fall from its start would give).
     """
 
     samples: int = 0
@@ -67,7 +67,7 @@ class Tally:
         self._last: tuple[np.ndarray, np.ndarray] | None = None
 
     def look_at(self, positions: np.ndarray, velocities: np.ndarray) -> None:
-        """Add the next frames: positions (K, 3, N) in metres and velocities (K, 3, N) in m/s, float64."""
+        """Add the next frames: positions (K, 3, N) in meters and velocities (K, 3, N) in m/s, float64."""
         if self._last is not None:
             last_positions, last_velocities = self._last
             positions = np.concatenate([last_positions, positions])
@@ -82,7 +82,7 @@ class Tally:
         self.sums.add("beyond_ballistic", np.diff(positions, axis=0) - falls)
 
 
-def normalisation(scenes: Iterable[Sums]) -> dict[str, object]:
+def normalization(scenes: Iterable[Sums]) -> dict[str, object]:
     """Mean and standard deviation of each quantity along x, y and z over ``scenes``, added up in their order.
 
     Returns:

@@ -12,10 +12,10 @@ from pathlib import Path
 
 import numpy as np
 
-from surfsup.datasets.drawing import Drawing
 from surfsup.datasets.folder import LOCK, locked
+from surfsup.datasets.scene_sampling import Drawing
 from surfsup.datasets.simulation import Run, simulate_sound
-from surfsup.datasets.work import Crew, crew, while_wanted
+from surfsup.datasets.worker_pool import Crew, crew, while_wanted
 from surfsup.errors import InputError
 from surfsup.scene import Scene
 
@@ -29,7 +29,7 @@ class Simulated:
     Attributes:
         index: of the scene in the stream.
         scene: what was simulated.
-        positions: (frames, N, 3) float32, metres.
+        positions: (frames, N, 3) float32, meters.
         velocities: the same in m/s, at the end of each frame.
     """
 

@@ -11,7 +11,7 @@ import torch
 
 from surfsup.datasets.stream import Simulated, Stream, stream
 from surfsup.datasets.windows import Window, draw_window
-from surfsup.model.state import Surroundings
+from surfsup.sph.state import Environment
 
 POOL = 32  # simulations: 1.6 GB at 2,600 particles and 800 frames
 
@@ -30,12 +30,12 @@ class StreamedWindows:
             SimulationError: no scene could be simulated, or the scheduler was lost.
         """
         self._stream, self._device = stream, device
-        self._pool: deque[tuple[Simulated, Surroundings]] = deque(maxlen=size)
+        self._pool: deque[tuple[Simulated, Environment]] = deque(maxlen=size)
         self._add(next(stream))
 
     def _add(self, simulated: Simulated) -> None:
-        around = Surroundings.of(simulated.scene, simulated.scene.build_surface(), self._device)
-        self._pool.append((simulated, around))
+        environment = Environment.of(simulated.scene, simulated.scene.build_surface(), self._device)
+        self._pool.append((simulated, environment))
 
     def __len__(self) -> int:
         """The number of simulations in the pool."""
@@ -53,9 +53,9 @@ class StreamedWindows:
         """
         for simulated in self._stream.ready():
             self._add(simulated)
-        simulated, around = self._pool[int(random.integers(len(self)))]
+        simulated, environment = self._pool[int(random.integers(len(self)))]
         name = f"scene {simulated.index} of the stream"
-        return draw_window(simulated, simulated.scene, name, around, random, past, frames, starts)
+        return draw_window(simulated, simulated.scene, name, environment, random, past, frames, starts)
 
 
 def stream_for_training(

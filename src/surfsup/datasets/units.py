@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from surfsup.errors import InputError
+from surfsup.io.trajectory import Trajectory
 from surfsup.scene import FRAME_TIME, PARTICLE_RADIUS
-from surfsup.trajectory import Trajectory
 
 
 class OtherUnits(InputError):

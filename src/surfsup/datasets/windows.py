@@ -12,10 +12,10 @@ from torch import Tensor
 
 from surfsup.datasets.units import check_units
 from surfsup.errors import InputError
-from surfsup.model.message_passing.history import History
-from surfsup.model.state import FRAME_TIME, Surroundings
+from surfsup.io.trajectory import Trajectory, TrajectoryFrames
+from surfsup.learned.message_passing.history import History
 from surfsup.scene import Scene
-from surfsup.trajectory import Trajectory, TrajectoryFrames
+from surfsup.sph.state import FRAME_TIME, Environment
 
 EARLY_FRAMES = 320  # falls, impacts and sloshing happen here
 EARLY_SHARE = 0.6  # of the windows that start there
@@ -26,10 +26,10 @@ class Window:
     """Consecutive frames of one scene: P past ones, the present one, K that follow.
 
     Attributes:
-        positions: (P + 1 + K, N, 3), metres.
+        positions: (P + 1 + K, N, 3), meters.
         velocities: (P + 1 + K, N, 3), m/s at the ends of the frames.
         past: P.
-        around: container, solid and gravity.
+        environment: container, solid and gravity.
         scene: what the frames are of, before any symmetry.
         name: of the scene, for complaints.
         begins: whether the present frame is the scene's first; the past ones are then the free fall that every rollout
@@ -39,7 +39,7 @@ class Window:
     positions: Tensor
     velocities: Tensor
     past: int
-    around: Surroundings
+    environment: Environment
     scene: Scene
     name: str
     begins: bool = False
@@ -58,13 +58,13 @@ class Window:
         """Positions and velocities (N, 3) of a frame; 0 is the present one, 1 the first that follows."""
         return self.positions[self.past + number], self.velocities[self.past + number]
 
-    def seen_through(self, matrix: Tensor) -> Window:
+    def transformed_by(self, matrix: Tensor) -> Window:
         """The same window turned or mirrored by an orthogonal ``matrix`` that maps axes onto axes."""
         return replace(
             self,
             positions=self.positions @ matrix.T,
             velocities=self.velocities @ matrix.T,
-            around=self.around.seen_through(matrix),
+            environment=self.environment.transformed_by(matrix),
         )
 
 
@@ -102,7 +102,7 @@ class Windows:
                 check_units(path, trajectory)
                 scene = trajectory.scene
             self._scenes.append(scene)
-            self._surroundings.append(Surroundings.of(scene, scene.build_surface(), device))
+            self._surroundings.append(Environment.of(scene, scene.build_surface(), device))
 
     def __len__(self) -> int:
         """The number of trajectories."""
@@ -138,7 +138,7 @@ def draw_window(
     frames_of: Frames,
     scene: Scene,
     name: str,
-    around: Surroundings,
+    environment: Environment,
     random: np.random.Generator,
     past: int,
     frames: int,
@@ -160,12 +160,12 @@ def draw_window(
         early = random.random() < EARLY_SHARE
         end = max(past + 1, min(EARLY_FRAMES, last + 1)) if early else last + 1
         first, count = int(random.integers(past, end)) - past, past + 1 + frames
-    device = around.lower.device
+    device = environment.lower.device
     positions, velocities = (torch.from_numpy(values).to(device) for values in frames_of.window(first, count))
     if begins:
-        positions, velocities = after_free_fall(positions, velocities, past, around.gravity)
-    whole = Window(positions, velocities, past, around, scene, name, begins)
-    return whole.seen_through(symmetry(random).to(device))
+        positions, velocities = after_free_fall(positions, velocities, past, environment.gravity)
+    whole = Window(positions, velocities, past, environment, scene, name, begins)
+    return whole.transformed_by(symmetry(random).to(device))
 
 
 def after_free_fall(positions: Tensor, velocities: Tensor, past: int, gravity: Tensor) -> tuple[Tensor, Tensor]:

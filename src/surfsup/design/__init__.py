@@ -1,6 +1,6 @@
 """Inverse design: shapes whose parameters climb a reward of where the water goes."""
 
-from surfsup.design.optimise import optimise
+from surfsup.design.optimize import optimize
 from surfsup.design.paper.bowl import bowl
 from surfsup.design.paper.funnel import funnel
 from surfsup.design.parameter import Parameter
@@ -9,4 +9,4 @@ from surfsup.design.run import DesignRun
 from surfsup.design.task import Task
 from surfsup.design.verdict import prove
 
-__all__ = ["DesignRun", "Outcome", "Parameter", "Task", "bowl", "funnel", "landing_near", "near", "optimise", "prove"]
+__all__ = ["DesignRun", "Outcome", "Parameter", "Task", "bowl", "funnel", "landing_near", "near", "optimize", "prove"]

@@ -14,10 +14,10 @@ from surfsup.errors import InputError
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-COLOURS = ("tab:blue", "tab:orange", "tab:green", "tab:red", "tab:purple", "tab:brown")
+COLORS = ("tab:blue", "tab:orange", "tab:green", "tab:red", "tab:purple", "tab:brown")
 STYLES = ("-", "--", ":", "-.", (0, (5, 1)), (0, (1, 1)))
 NEAREST = 1e-4  # share left to gain that a figure of searches still shows
-MOST_CURVES = len(COLOURS)
+MOST_CURVES = len(COLORS)
 
 
 def require_matplotlib() -> None:
@@ -41,9 +41,9 @@ def draw_runs(runs: Sequence[DesignRun], path: Path) -> Path:
     for number, run in enumerate(runs):
         style = STYLES[number % len(STYLES)]
         above.plot(run.rewards, color="0.15", linestyle=style)
-        for colour, (name, curve) in zip(COLOURS, curves(run).items(), strict=False):
+        for color, (name, curve) in zip(COLORS, curves(run).items(), strict=False):
             label = name if number == 0 else None
-            below.plot(curve, color=colour, linestyle=style, label=label)
+            below.plot(curve, color=color, linestyle=style, label=label)
     above.set_ylabel("reward (mean log density)" if runs[0].task.name in ("bowl", "funnel") else "reward")
     below.set_ylabel("parameter")
     below.set_xlabel("iteration")
@@ -64,9 +64,9 @@ def draw_rivals(best_so_far: Mapping[str, Sequence[float]], title: str, path: Pa
     axes = figure.subplots()
     top = max(curve[-1] for curve in best_so_far.values())
     range_ = max(top - min(curve[0] for curve in best_so_far.values()), 1e-30)
-    for colour, (name, curve) in zip(COLOURS, best_so_far.items(), strict=False):
+    for color, (name, curve) in zip(COLORS, best_so_far.items(), strict=False):
         short = np.maximum((top - np.asarray(curve)) / range_, NEAREST)
-        axes.step(np.arange(1, len(curve) + 1), short, where="post", color=colour, label=name)
+        axes.step(np.arange(1, len(curve) + 1), short, where="post", color=color, label=name)
     axes.set_yscale("log")
     axes.set_ylim(NEAREST / 1.3, 1.3)
     axes.set_xlabel("simulations")

@@ -46,9 +46,9 @@ def write_film(run: DesignRun, path: Path, tell: Callable[[int, int], None]) -> 
 def along_the_way(run: DesignRun) -> list[int]:
     """The numbers of designs up to the best, evenly spaced by how far the shape has changed."""
     places = torch.stack([run.ascent.coordinates.place(design) for design in run.designs[: run.best + 1]])
-    travelled = torch.cat([torch.zeros(1), (places[1:] - places[:-1]).norm(dim=1)]).cumsum(0)
-    marks = torch.linspace(0, float(travelled[-1]), DESIGNS)
-    return torch.searchsorted(travelled, marks).clamp(max=run.best).unique().tolist()
+    traveled = torch.cat([torch.zeros(1), (places[1:] - places[:-1]).norm(dim=1)]).cumsum(0)
+    marks = torch.linspace(0, float(traveled[-1]), DESIGNS)
+    return torch.searchsorted(traveled, marks).clamp(max=run.best).unique().tolist()
 
 
 def scenes(run: DesignRun, chosen: list[int], moments: list[int]) -> Iterator[np.ndarray]:

@@ -12,7 +12,7 @@ from torch import Tensor
 
 from surfsup.design.run import DesignRun
 from surfsup.errors import InputError
-from surfsup.training.checkpoint import Checkpoint
+from surfsup.optim.checkpoint import Checkpoint
 from surfsup.training.run import part_of
 
 

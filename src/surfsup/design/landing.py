@@ -12,13 +12,13 @@ from surfsup.design.rollout import crossing
 
 
 def settled(frames: Iterable[tuple[np.ndarray, np.ndarray]], floor: float | None) -> tuple[Tensor, Tensor]:
-    """The last positions (N, 3) in metres, and which particles (N,) had come down to ``floor`` by then.
+    """The last positions (N, 3) in meters, and which particles (N,) had come down to ``floor`` by then.
 
     One that had stays where it came down first, as if it had left the simulation there.
 
     Args:
         frames: positions and velocities (N, 3) of each frame.
-        floor: metres; None where nothing leaves.
+        floor: meters; None where nothing leaves.
     """
     places = landed = None
     for positions, _ in frames:

@@ -15,12 +15,12 @@ from surfsup.design.reward import NothingLanded, Outcome
 from surfsup.design.rollout import every_frame
 from surfsup.design.shape_files import write_shape
 from surfsup.design.task import Task
-from surfsup.model.simulator import Simulator
-from surfsup.model.state import Surroundings
-from surfsup.reference import solver
+from surfsup.io.trajectory import Provenance, TrajectoryWriter
+from surfsup.learned.corrected.simulator import CorrectedSimulator
 from surfsup.scene import Scene, Shape, Start
 from surfsup.scene.shapes import MeshShape
-from surfsup.trajectory import Provenance, TrajectoryWriter
+from surfsup.sph.state import Environment
+from surfsup.splishsplash import solver
 
 Frames = Iterator[tuple[np.ndarray, np.ndarray]]
 
@@ -38,7 +38,7 @@ class Verdict:
     true: float | None
 
 
-def judged(task: Task, values: Values, simulator: Simulator, model: str, folder: Path) -> Verdict:
+def judged(task: Task, values: Values, simulator: CorrectedSimulator, model: str, folder: Path) -> Verdict:
     """Run a design in both simulators, and keep shape and trajectories in ``folder``.
 
     Raises:
@@ -76,11 +76,11 @@ def score(task: Task, values: Values, frames: Frames) -> float | None:
         return None
 
 
-def learned_frames(task: Task, values: Values, simulator: Simulator) -> Frames:
+def learned_frames(task: Task, values: Values, simulator: CorrectedSimulator) -> Frames:
     """Positions and velocities (N, 3) of each frame; who has landed stays where it did."""
     water = task.water()
-    around = Surroundings.of(task.scene, task.surface(values, water))
-    for fluid in every_frame(simulator, around, water, task.scene.frames - 1):
+    environment = Environment.of(task.scene, task.surface(values, water))
+    for fluid in every_frame(simulator, environment, water, task.scene.frames - 1):
         velocities = torch.zeros_like(fluid.positions).index_copy(0, fluid.members, fluid.state.velocities)
         yield fluid.positions.numpy(), velocities.numpy()
 

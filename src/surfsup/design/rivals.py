@@ -18,7 +18,7 @@ from surfsup.design.record import processor_seconds
 from surfsup.design.reward import NothingLanded
 from surfsup.design.task import Task
 from surfsup.errors import InputError, SimulationError
-from surfsup.model.simulator import Simulator
+from surfsup.learned.corrected.simulator import CorrectedSimulator
 
 SPREAD = 0.25  # of each range: what CMA-ES begins with, as its author advises
 WORST = -1e6  # reward of a design that has none
@@ -26,7 +26,7 @@ WORST = -1e6  # reward of a design that has none
 Score = Callable[[Values], float]
 
 
-def by_model(task: Task, simulator: Simulator) -> Score:
+def by_model(task: Task, simulator: CorrectedSimulator) -> Score:
     """The reward of a design by the learned simulator, without gradient; the worst where there is none."""
 
     def score(values: Values) -> float:

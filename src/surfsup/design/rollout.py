@@ -17,11 +17,11 @@ from torch import Tensor
 from torch.autograd.function import once_differentiable
 
 from surfsup.errors import SimulationError
-from surfsup.model.simulator import Simulator
-from surfsup.model.state import State, Surroundings
+from surfsup.learned.corrected.simulator import CorrectedSimulator
+from surfsup.sph.state import Environment, ParticleState
 
 FLUID_TENSORS = 3  # two of the state, and the positions of all
-Particles = tuple[Tensor, Tensor]  # positions (N, 3) in metres and velocities (N, 3) in m/s
+Particles = tuple[Tensor, Tensor]  # positions (N, 3) in meters and velocities (N, 3) in m/s
 
 
 @dataclass(frozen=True)
@@ -29,10 +29,10 @@ class Water:
     """What is poured, and when particles come and go.
 
     Attributes:
-        positions: (N, 3) at frame 0, metres.
+        positions: (N, 3) at frame 0, meters.
         velocities: (N, 3) at frame 0, m/s.
         entering: by number of the frame, the particles that join the simulation at its end.
-        floor: height in metres at which a particle leaves the simulation, for good; None keeps all.
+        floor: height in meters at which a particle leaves the simulation, for good; None keeps all.
     """
 
     positions: Tensor
@@ -52,20 +52,20 @@ class Fluid:
     Attributes:
         state: of those in the simulation.
         members: (M,) int64, which they are.
-        positions: (N, 3) metres of all: where it began for one that is yet to enter, where it landed for one that left.
+        positions: (N, 3) meters of all: where it began for one that is yet to enter, where it landed for one that left.
         landed: (N,) bool, who has left.
     """
 
-    state: State
+    state: ParticleState
     members: Tensor
     positions: Tensor
     landed: Tensor
 
 
-def begin(water: Water, around: Surroundings) -> Fluid:
+def begin(water: Water, environment: Environment) -> Fluid:
     """The fluid at frame 0."""
     everyone = water.every_particle()
-    state = State(water.positions, water.velocities)
+    state = ParticleState(water.positions, water.velocities)
     return Fluid(
         state,
         torch.arange(len(water.positions), device=everyone.device),
@@ -75,27 +75,32 @@ def begin(water: Water, around: Surroundings) -> Fluid:
 
 
 def advance(
-    simulator: Simulator, fluid: Fluid, around: Surroundings, water: Water, frame: int, lands: Tensor | None = None
+    simulator: CorrectedSimulator,
+    fluid: Fluid,
+    environment: Environment,
+    water: Water,
+    frame: int,
+    lands: Tensor | None = None,
 ) -> Fluid:
     """The fluid one frame later, at the end of ``frame``; differentiable in places, velocities and shape.
 
     Args:
         simulator: what moves the particles.
         fluid: at the end of the frame before.
-        around: container, solid and gravity.
+        environment: container, solid and gravity.
         water: who enters, and where the floor is.
         frame: number of the frame.
         lands: (N,) who has landed by its end, where that is decided already: a repetition must not decide anew, for
             its rounding may differ.
     """
     if not len(fluid.members):
-        return entered(fluid, water, around, frame)
+        return entered(fluid, water, environment, frame)
     before = fluid.state.positions
-    state, _ = simulator.step(fluid.state, around)
+    state, _ = simulator.step(fluid.state, environment)
     members, here = fluid.members, state.positions
     if water.floor is None:
         moved = fluid.positions.index_copy(0, members, here)
-        return entered(Fluid(state, members, moved, fluid.landed), water, around, frame)
+        return entered(Fluid(state, members, moved, fluid.landed), water, environment, frame)
     down = here[:, 2] <= water.floor if lands is None else lands[members]
     here = torch.where(down[:, None], crossing(before, here, water.floor), here)
     staying = (~down).nonzero().squeeze(1)
@@ -105,7 +110,7 @@ def advance(
         fluid.positions.index_copy(0, members, here),
         fluid.landed.index_fill(0, members[down], True),
     )
-    return entered(after, water, around, frame)
+    return entered(after, water, environment, frame)
 
 
 def crossing(before: Tensor, after: Tensor, height: float) -> Tensor:
@@ -120,32 +125,32 @@ def crossing(before: Tensor, after: Tensor, height: float) -> Tensor:
     return torch.cat([place[:, :2], torch.full_like(place[:, 2:], height)], dim=-1)
 
 
-def chosen(state: State, which: Tensor) -> State:
+def chosen(state: ParticleState, which: Tensor) -> ParticleState:
     """The particles ``which`` (K,) of a state, alone."""
-    return State(*(value.index_select(0, which) for value in vars(state).values()))
+    return ParticleState(*(value.index_select(0, which) for value in vars(state).values()))
 
 
-def entered(fluid: Fluid, water: Water, around: Surroundings, frame: int) -> Fluid:
+def entered(fluid: Fluid, water: Water, environment: Environment, frame: int) -> Fluid:
     """The fluid with those who enter at the end of ``frame``."""
     if frame not in water.entering:
         return fluid
-    new = State(*water.entering[frame])
+    new = ParticleState(*water.entering[frame])
     first = len(water.positions) + sum(len(water.entering[earlier][0]) for earlier in water.entering if earlier < frame)
     numbers = torch.arange(first, first + len(new.positions), device=new.positions.device)
-    state = State(*(torch.cat([getattr(fluid.state, name), value]) for name, value in vars(new).items()))
+    state = ParticleState(*(torch.cat([getattr(fluid.state, name), value]) for name, value in vars(new).items()))
     return Fluid(state, torch.cat([fluid.members, numbers]), fluid.positions, fluid.landed)
 
 
-def last_frame(simulator: Simulator, around: Surroundings, water: Water, frames: int) -> Fluid:
+def last_frame(simulator: CorrectedSimulator, environment: Environment, water: Water, frames: int) -> Fluid:
     """The fluid after ``frames`` frames, differentiable in whatever records gradients.
 
     Raises:
         SimulationError: the simulation blew up or collapsed.
     """
-    fluid, length = begin(water, around), max(1, math.isqrt(frames))
-    shape = around.recording()
+    fluid, length = begin(water, environment), max(1, math.isqrt(frames))
+    shape = environment.recording()
     for first in range(1, frames + 1, length):
-        stretch = Stretch(simulator, around, water, range(first, min(first + length, frames + 1)), fluid)
+        stretch = Stretch(simulator, environment, water, range(first, min(first + length, frames + 1)), fluid)
         tensors = Repeated.apply(stretch, *vars(fluid.state).values(), fluid.positions, *shape)
         fluid = stretch.fluid_of(tensors, -1)
     if not bool(torch.isfinite(fluid.positions).all()):
@@ -156,8 +161,10 @@ def last_frame(simulator: Simulator, around: Surroundings, water: Water, frames:
 class Stretch:
     """Some frames in a row that are simulated twice: without gradients, then with."""
 
-    def __init__(self, simulator: Simulator, around: Surroundings, water: Water, span: range, fluid: Fluid) -> None:
-        self.simulator, self.around, self.water, self.span = simulator, around, water, span
+    def __init__(
+        self, simulator: CorrectedSimulator, environment: Environment, water: Water, span: range, fluid: Fluid
+    ) -> None:
+        self.simulator, self.environment, self.water, self.span = simulator, environment, water, span
         self.members, self.landed = [fluid.members], [fluid.landed]  # at its start and at the end of each frame
 
     def run(self, tensors: Sequence[Tensor]) -> tuple[Tensor, ...]:
@@ -166,7 +173,7 @@ class Stretch:
         fluid = self.fluid_of(tensors, 0)
         for number, frame in enumerate(self.span, start=1):
             lands = self.landed[number] if again else None
-            fluid = advance(self.simulator, fluid, self.around, self.water, frame, lands)
+            fluid = advance(self.simulator, fluid, self.environment, self.water, frame, lands)
             if not again:
                 self.members.append(fluid.members)
                 self.landed.append(fluid.landed)
@@ -175,7 +182,7 @@ class Stretch:
     def fluid_of(self, tensors: Sequence[Tensor], number: int) -> Fluid:
         """The fluid of those tensors at its start (0) or after so many of its frames."""
         *state, positions = tensors
-        return Fluid(State(*state), self.members[number], positions, self.landed[number])
+        return Fluid(ParticleState(*state), self.members[number], positions, self.landed[number])
 
 
 class Repeated(torch.autograd.Function):
@@ -207,10 +214,10 @@ class Repeated(torch.autograd.Function):
 
 
 @torch.no_grad()
-def every_frame(simulator: Simulator, around: Surroundings, water: Water, frames: int) -> Iterator[Fluid]:
+def every_frame(simulator: CorrectedSimulator, environment: Environment, water: Water, frames: int) -> Iterator[Fluid]:
     """Frame 0 and the ``frames`` after it, without gradients, by the native step where that is built."""
-    fluid = begin(water, around)
+    fluid = begin(water, environment)
     yield fluid
     for frame in range(1, frames + 1):
-        fluid = advance(simulator, fluid, around, water, frame)
+        fluid = advance(simulator, fluid, environment, water, frame)
         yield fluid

@@ -18,8 +18,8 @@ from surfsup.design.rollout import Water
 from surfsup.design.task import Task, told
 from surfsup.design.trust import Trust
 from surfsup.errors import InputError, SimulationError
-from surfsup.model.simulator import Simulator
-from surfsup.training.checkpoint import CheckpointFiles
+from surfsup.learned.corrected.simulator import CorrectedSimulator
+from surfsup.optim.checkpoint import CheckpointFiles
 
 OFTEN = 0.1  # share of iterations with a cut gradient from which a remedy is offered
 
@@ -38,7 +38,7 @@ class DesignRun(Record):
         self,
         task: Task,
         folder: Path,
-        simulator: Simulator,
+        simulator: CorrectedSimulator,
         model: str,
         iterations: int = 100,
         smoothing: float | None = None,
@@ -52,16 +52,16 @@ class DesignRun(Record):
             simulator: the learned simulator.
             model: its name.
             iterations: steps uphill.
-            smoothing: metres by which the water's start is moved aside at random in each iteration; None leaves it to
+            smoothing: meters by which the water's start is moved aside at random in each iteration; None leaves it to
                 the task.
             seed: of those moves.
 
         Raises:
             InputError: a start is outside its range, or the simulator is of a kind without gradients here.
         """
-        if not isinstance(simulator, Simulator):
+        if not isinstance(simulator, CorrectedSimulator):
             raise InputError(
-                f"the model '{model}' is of kind '{simulator.kind}'; a design needs one of kind '{Simulator.kind}'"
+                f"the model '{model}' is of kind '{simulator.kind}'; a design needs one of kind '{CorrectedSimulator.kind}'"
             )
         super().__init__()
         self.task, self.folder, self.simulator, self.model = task, folder, simulator, model
@@ -133,7 +133,7 @@ class DesignRun(Record):
         return gradients
 
     def shift(self) -> tuple[float, float]:
-        """How far the water's start is moved aside in this iteration, metres."""
+        """How far the water's start is moved aside in this iteration, meters."""
         if not self.smoothing or self.ascent.iteration == self.ascent.iterations:
             return 0.0, 0.0
         x, y = np.random.default_rng([self.seed, self.ascent.iteration]).uniform(-self.smoothing, self.smoothing, 2)

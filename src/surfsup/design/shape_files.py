@@ -12,15 +12,15 @@ from surfsup.scene import PARTICLE_RADIUS
 from surfsup.sdf import Surface
 
 RESOLUTION = 128  # cells along the longest side
-DIGITS = (6, 5, 7)  # of a corner's place in metres; a float of an STL in millimetres holds seven
+DIGITS = (6, 5, 7)  # of a corner's place in meters; a float of an STL in millimeters holds seven
 SPECK = 4 / 3 * np.pi * PARTICLE_RADIUS**3  # m³
-MILLIMETRES = 1000.0  # a metre; STL knows no units, and printers take millimetres
+MILLIMETERS = 1000.0  # a meter; STL knows no units, and printers take millimeters
 # glTF has y up: (x, y, z) -> (x, z, -y).
 Y_UP = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]])
 
 
 def write_shape(surface: Surface, folder: Path, name: str) -> list[Path]:
-    """Write ``name.stl`` in millimetres, z up; ``name.glb`` in metres, y up; ``name.obj`` in metres, z up.
+    """Write ``name.stl`` in millimeters, z up; ``name.glb`` in meters, y up; ``name.obj`` in meters, z up.
 
     Raises:
         InputError: the surface is not closed, so that no printer could fill it, or cannot be seen on the grid.
@@ -28,7 +28,7 @@ def write_shape(surface: Surface, folder: Path, name: str) -> list[Path]:
     mesh = closed(surface.to_mesh(RESOLUTION), name)
     paths = [folder / f"{name}.{kind}" for kind in ("stl", "glb", "obj")]
     scaled = mesh.copy()
-    scaled.apply_scale(MILLIMETRES)
+    scaled.apply_scale(MILLIMETERS)
     turned = mesh.copy()
     turned.apply_transform(Y_UP)
     for path, form in zip(paths, (scaled, turned, mesh), strict=True):
@@ -41,7 +41,7 @@ def write_shape(surface: Surface, folder: Path, name: str) -> list[Path]:
 def closed(mesh: trimesh.Trimesh, name: str) -> trimesh.Trimesh:
     """The mesh without slivers, once it is known to hold a volume.
 
-    Corners nearer than about a micrometre become one: whoever reads an STL does the same, and would find holes where
+    Corners nearer than about a micrometer become one: whoever reads an STL does the same, and would find holes where
     slivers were. Where two sheets meet in a crease that may join them, and another distance may not.
 
     Raises:

@@ -11,10 +11,10 @@ from surfsup.design.parameter import Parameter, Values
 from surfsup.design.reward import Outcome, Reward
 from surfsup.design.rollout import Water, last_frame
 from surfsup.errors import InputError
-from surfsup.model.simulator import Simulator
-from surfsup.model.state import Surroundings
+from surfsup.learned.corrected.simulator import CorrectedSimulator
 from surfsup.scene import SURFACE_CLEARANCE, Scene
 from surfsup.sdf import Surface
+from surfsup.sph.state import Environment
 
 
 @dataclass(frozen=True)
@@ -27,8 +27,8 @@ class Task:
         parameters: what may change, by name.
         scene: container, water, gravity and the number of frames, the start among them; its own surface is ignored.
         reward: what is to grow.
-        floor: height in metres at which particles leave the simulation; None keeps all.
-        smoothing: metres by which the water's start is moved aside at random in each iteration, unless the run says
+        floor: height in meters at which particles leave the simulation; None keeps all.
+        smoothing: meters by which the water's start is moved aside at random in each iteration, unless the run says
             otherwise: it smooths a reward that is rough.
     """
 
@@ -41,7 +41,7 @@ class Task:
     smoothing: float = 0.0
 
     def water(self, shift: tuple[float, float] = (0.0, 0.0)) -> Water:
-        """The scene's fluid as it starts, moved by ``shift`` metres along x and y."""
+        """The scene's fluid as it starts, moved by ``shift`` meters along x and y."""
         start = self.scene.start(None)
         offset = torch.tensor([*shift, 0.0])
         positions = torch.from_numpy(start.positions) + offset
@@ -72,15 +72,15 @@ class Task:
             )
         return surface
 
-    def simulate(self, simulator: Simulator, values: Values, water: Water) -> Outcome:
+    def simulate(self, simulator: CorrectedSimulator, values: Values, water: Water) -> Outcome:
         """The water's end in the solid of these values, differentiable in those that record gradients.
 
         Raises:
             InputError: the solid is in the water's way or out of the container.
             SimulationError: the simulation blew up.
         """
-        around = Surroundings.of(self.scene, self.surface(values, water))
-        end = last_frame(simulator, around, water, self.scene.frames - 1)
+        environment = Environment.of(self.scene, self.surface(values, water))
+        end = last_frame(simulator, environment, water, self.scene.frames - 1)
         return Outcome(end.positions, end.landed, values)
 
     def score(self, outcome: Outcome) -> torch.Tensor:
@@ -101,7 +101,7 @@ class Task:
         return reward.reshape(())
 
 
-TOLERANCE = 1e-4  # metres
+TOLERANCE = 1e-4  # meters
 
 
 def told(values: Values) -> str:
@@ -113,5 +113,5 @@ def told(values: Values) -> str:
 
 
 def corner(place: torch.Tensor) -> str:
-    """A place in metres, in brackets."""
+    """A place in meters, in brackets."""
     return "(" + ", ".join(f"{value:.3g}" for value in place.tolist()) + ")"

@@ -9,18 +9,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from surfsup.evaluation.course import Course, Frame, Observer
-from surfsup.evaluation.metrics import (
-    NEAR,
-    NO_CHAMFER,
-    chamfer_of,
-    chamfer_surface,
-    highest_density,
-    nearest,
-    tree,
-)
+from surfsup.evaluation.metrics import NEAR, NO_CHAMFER, chamfer_of, chamfer_surface, highest_density, nearest, tree
 from surfsup.evaluation.near_surface import surface_for_metrics
-from surfsup.trajectory import Trajectory
+from surfsup.evaluation.trajectory_statistics import Course, Frame, Observer
+from surfsup.io.trajectory import Trajectory
 
 BLOCK = 16  # frames that are read at once; memory holds no more of a trajectory than that
 DENSITY_EVERY = 10  # frames
@@ -33,10 +25,10 @@ class Comparison:
 
     Attributes:
         own, true: each by itself.
-        chamfer: plain, metres; NaN in a frame that has no particle left.
-        chamfer_squared: square metres.
-        surface: Chamfer Surface of plain distances, metres, a sum over particles.
-        surface_squared: of squared distances, square metres.
+        chamfer: plain, meters; NaN in a frame that has no particle left.
+        chamfer_squared: square meters.
+        surface: Chamfer Surface of plain distances, meters, a sum over particles.
+        surface_squared: of squared distances, square meters.
     """
 
     own: Course
@@ -76,7 +68,7 @@ def compare(
     Args:
         truth: what the reference solver made of the scene.
         others: trajectories of the same scene.
-        threshold: metres; particles with a smaller distance count for Chamfer Surface.
+        threshold: meters; particles with a smaller distance count for Chamfer Surface.
         tell: told how many frames are done.
 
     Raises:

@@ -9,18 +9,18 @@ from pathlib import Path
 
 from surfsup.errors import InputError
 from surfsup.evaluation.compare import Comparison, compare
+from surfsup.evaluation.load_trajectories import Truth
 from surfsup.evaluation.metrics import NEAR
 from surfsup.evaluation.rollout import roll_out
 from surfsup.evaluation.scores import ByWindow, mean_scores, scores
-from surfsup.evaluation.usable import Truth
-from surfsup.model.learned_simulator import LearnedSimulator
-from surfsup.trajectory import Trajectory
+from surfsup.io.trajectory import Trajectory
+from surfsup.sph.simulator import Simulator
 
 ROLLOUTS = "trajectories"  # folder in the report
 
 
 @dataclass(frozen=True)
-class Judgement:
+class Judgment:
     """A trajectory and the repeats of the truth, each beside the truth.
 
     Attributes:
@@ -47,14 +47,14 @@ class JudgedScene:
     Attributes:
         truth: what it was judged by.
         rollout: the model's trajectory file.
-        guarded: share of particles that the guard moved in a frame.
-        judgement: how the rollout came off.
+        handle_collisions: share of particles that the guard moved in a frame.
+        judgment: how the rollout came off.
     """
 
     truth: Truth
     rollout: Path
-    guarded: float
-    judgement: Judgement
+    handle_collisions: float
+    judgment: Judgment
 
     @property
     def name(self) -> str:
@@ -68,13 +68,13 @@ def judge_file(
     floors: Sequence[Path] = (),
     threshold: float = NEAR,
     tell: Callable[[int, int], None] = lambda done, total: None,
-) -> Judgement:
+) -> Judgment:
     """Judge the trajectory in ``path`` by the one in ``truth``, over the frames that all files have.
 
     Args:
         path, truth: two trajectories of one scene.
         floors: repeats of the truth.
-        threshold: metres; particles nearer to the solid count for Chamfer Surface.
+        threshold: meters; particles nearer to the solid count for Chamfer Surface.
         tell: told how many frames are done.
 
     Raises:
@@ -88,16 +88,16 @@ def judge_file(
             raise InputError(f"{path} or {truth}: is damaged ({' '.join(str(error).split())})") from None
         shape, particles = opened[0].scene.surface, opened[0].positions.shape[1]
     floor = mean_scores([scores(repeat) for repeat in repeats])
-    return Judgement(shape.kind if shape else "none", particles, own, repeats, scores(own), floor)
+    return Judgment(shape.kind if shape else "none", particles, own, repeats, scores(own), floor)
 
 
 def evaluate(
-    model: LearnedSimulator,
+    model: Simulator,
     name: str,
     truths: Sequence[Truth],
     report: Path,
     device: str,
-    guarded: bool = True,
+    handle_collisions: bool = True,
     threshold: float = NEAR,
     tell: Callable[[int, int], None] = lambda done, total: None,
 ) -> list[JudgedScene]:
@@ -106,11 +106,11 @@ def evaluate(
     Args:
         model: the simulator.
         name: of the model.
-        truths: what to judge by; see :func:`surfsup.evaluation.usable.usable_truths`.
+        truths: what to judge by; see :func:`surfsup.evaluation.load_trajectories.usable_truths`.
         report: folder whose subfolder ``trajectories`` takes the rollouts.
         device: where the model computes.
-        guarded: whether the guard against penetration is on.
-        threshold: metres; particles nearer to the solid count for Chamfer Surface.
+        handle_collisions: whether the guard against penetration is on.
+        threshold: meters; particles nearer to the solid count for Chamfer Surface.
         tell: told how many frames of all are done.
 
     Raises:
@@ -125,7 +125,7 @@ def evaluate(
             tell(before + frame, total)
 
         with Trajectory(truth.path) as beside:
-            guard_share = roll_out(model, beside, truth.frames, path, name, device, guarded, told)
+            guard_share = roll_out(model, beside, truth.frames, path, name, device, handle_collisions, told)
         judged.append(JudgedScene(truth, path, guard_share, judge_file(path, truth.path, truth.floors, threshold)))
         done += truth.frames
     return judged

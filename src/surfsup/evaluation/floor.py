@@ -1,4 +1,4 @@
-"""The floor below which no simulator can go: the truth against itself, started one millimetre away.
+"""The floor below which no simulator can go: the truth against itself, started one millimeter away.
 
 ``surfsup floor DIR`` makes the repeats. A model whose errors are not larger cannot be told from a second run
 of the reference solver.

@@ -13,14 +13,14 @@ from scipy.spatial import cKDTree
 
 from surfsup.scene import SPACING
 
-NEAR = 0.09  # metres; the supplement's α': particles with a smaller distance are near the surface
-SUPPORT = 2 * SPACING  # metres, the reach of the solver's smoothing kernel
+NEAR = 0.09  # meters; the supplement's α': particles with a smaller distance are near the surface
+SUPPORT = 2 * SPACING  # meters, the reach of the solver's smoothing kernel
 MOST_NEIGHBOURS = 64  # about 33 fit into the kernel at rest
 
 
 @dataclass(frozen=True)
 class Nearest:
-    """How far every particle is from the nearest one of the other set, metres.
+    """How far every particle is from the nearest one of the other set, meters.
 
     Attributes:
         there: (N,), from each predicted particle to the truth.
@@ -36,8 +36,8 @@ class Chamfer:
     """Distance to the nearest particle of the other set, both ways added.
 
     Attributes:
-        plain: of distances, metres.
-        squared: of squared distances, square metres; the formula as printed.
+        plain: of distances, meters.
+        squared: of squared distances, square meters; the formula as printed.
     """
 
     plain: float
@@ -53,7 +53,7 @@ def tree(positions: np.ndarray) -> cKDTree:
 
 
 def nearest(predicted: cKDTree, truth: cKDTree) -> Nearest:
-    """Nearest neighbours both ways, by one query each way; they serve every Chamfer distance of the frame."""
+    """Nearest neighbors both ways, by one query each way; they serve every Chamfer distance of the frame."""
     return Nearest(truth.query(predicted.data)[0], predicted.query(truth.data)[0])
 
 
@@ -64,7 +64,7 @@ def chamfer_of(apart: Nearest) -> Chamfer:
 
 
 def chamfer(predicted: np.ndarray, truth: np.ndarray) -> Chamfer:
-    """The Chamfer distance of ``predicted`` (N, 3) and ``truth`` (M, 3), metres."""
+    """The Chamfer distance of ``predicted`` (N, 3) and ``truth`` (M, 3), meters."""
     return chamfer_of(nearest(tree(predicted), tree(truth)))
 
 
@@ -72,7 +72,7 @@ def chamfer_surface(apart: Nearest, near_there: np.ndarray, near_back: np.ndarra
     """Chamfer Surface: the sum over the particles near the surface, each against ALL of the other set.
 
     Args:
-        apart: nearest neighbours both ways.
+        apart: nearest neighbors both ways.
         near_there: (N,) which predicted particles are near the surface.
         near_back: (M,) which true particles are.
     """
@@ -80,8 +80,8 @@ def chamfer_surface(apart: Nearest, near_there: np.ndarray, near_back: np.ndarra
     return Chamfer(float(there.sum() + back.sum()), float(np.square(there).sum() + np.square(back).sum()))
 
 
-def centre_height(positions: np.ndarray) -> float:
-    """Height of the centre of mass of ``positions`` (N, 3), metres."""
+def center_height(positions: np.ndarray) -> float:
+    """Height of the center of mass of ``positions`` (N, 3), meters."""
     return float(positions[:, 2].mean(dtype=np.float64))
 
 
@@ -93,9 +93,9 @@ def kinetic_energy(velocities: np.ndarray) -> float:
 def highest_density(particles: cKDTree) -> float:
     """The largest density at a particle over that of the lattice at rest.
 
-    The sum over neighbours of V·W(r), with V = (0.03 m)³ and the solver's cubic spline kernel W of support
+    The sum over neighbors of V·W(r), with V = (0.03 m)³ and the solver's cubic spline kernel W of support
     0.06 m; 1.00 on the lattice. Solids and walls are not counted, so beside them the density is too low,
-    never too high. Only the 64 nearest neighbours count, about twice those at rest: a collapsed fluid reads
+    never too high. Only the 64 nearest neighbors count, about twice those at rest: a collapsed fluid reads
     as "very dense" without all its pairs having to fit into memory.
     """
     count = min(MOST_NEIGHBOURS, particles.n)
@@ -111,6 +111,6 @@ def cubic_spline(distance: np.ndarray) -> np.ndarray:
 
 
 def inside_container(positions: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> np.ndarray:
-    """Which of ``positions`` (N, 3) are numbers and in the box from ``lower`` to ``upper`` (3,), metres: (N,)."""
+    """Which of ``positions`` (N, 3) are numbers and in the box from ``lower`` to ``upper`` (3,), meters: (N,)."""
     with np.errstate(invalid="ignore"):
         return ((positions >= lower) & (positions <= upper)).all(axis=-1)

@@ -10,7 +10,7 @@ import torch
 from surfsup.scene import Scene
 from surfsup.sdf import MeshSurface, NeuralSurface, Surface
 
-ROUNDING = 1e-6  # metres: distances are float32
+ROUNDING = 1e-6  # meters: distances are float32
 
 
 def surface_for_metrics(scene: Scene) -> Surface | None:
@@ -36,7 +36,7 @@ class Contact:
 
     Attributes:
         near: (N,) which of them have a distance below the threshold.
-        depths: (K,) the distances of the K particles that are inside the solid, all below zero, metres.
+        depths: (K,) the distances of the K particles that are inside the solid, all below zero, meters.
     """
 
     near: np.ndarray
@@ -52,7 +52,7 @@ class NearSurface:
 
     Args:
         surface: the solid, or None.
-        threshold: metres.
+        threshold: meters.
     """
 
     def __init__(self, surface: Surface | None, threshold: float) -> None:
@@ -62,7 +62,7 @@ class NearSurface:
 
     @torch.no_grad()
     def look(self, positions: np.ndarray) -> Contact:
-        """The contact of the next frame's ``positions`` (N, 3), metres; N is the same in every frame."""
+        """The contact of the next frame's ``positions`` (N, 3), meters; N is the same in every frame."""
         count = len(positions)
         if self.surface is None:
             return Contact(np.zeros(count, dtype=bool), np.zeros(0))

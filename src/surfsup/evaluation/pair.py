@@ -8,13 +8,13 @@ from pathlib import Path
 
 from surfsup.datasets.units import check_units
 from surfsup.errors import InputError
-from surfsup.evaluation.evaluate import Judgement, judge_file
+from surfsup.evaluation.evaluate import Judgment, judge_file
 from surfsup.evaluation.floor import HOW_TO_MAKE
+from surfsup.evaluation.load_trajectories import Skipped, difference, usable_floors
 from surfsup.evaluation.metrics import NEAR
-from surfsup.evaluation.report import definitions, judgement_entry
-from surfsup.evaluation.table import judgement_text
-from surfsup.evaluation.usable import Skipped, difference, usable_floors
-from surfsup.trajectory import Trajectory
+from surfsup.evaluation.report import definitions, judgment_entry
+from surfsup.evaluation.table import judgment_text
+from surfsup.io.trajectory import Trajectory
 
 
 @dataclass(frozen=True)
@@ -23,8 +23,8 @@ class Pair:
 
     Attributes:
         judged, truth: their files.
-        threshold: metres; particles nearer to the solid count for Chamfer Surface.
-        judgement: how the first came off.
+        threshold: meters; particles nearer to the solid count for Chamfer Surface.
+        judgment: how the first came off.
         remarks: what a reader must know beside the numbers, a line each.
         skipped: repeats of the truth that could not be used.
     """
@@ -32,14 +32,14 @@ class Pair:
     judged: Path
     truth: Path
     threshold: float
-    judgement: Judgement
+    judgment: Judgment
     remarks: list[str]
     skipped: list[Skipped]
 
     def text(self) -> str:
         """The numbers for a terminal."""
         left_out = [f"skipped {bad.file}: {bad.reason}" for bad in self.skipped]
-        return "\n".join([*self.remarks, *left_out, "", judgement_text(self.judgement)])
+        return "\n".join([*self.remarks, *left_out, "", judgment_text(self.judgment)])
 
     def report(self) -> dict:
         """All numbers and curves as plain data for JSON; what is called model there is the judged file."""
@@ -49,7 +49,7 @@ class Pair:
             "remarks": self.remarks,
             "skipped": [{"file": str(bad.file), "reason": bad.reason} for bad in self.skipped],
             **definitions(self.threshold),
-            **judgement_entry(self.judgement),
+            **judgment_entry(self.judgment),
         }
 
 

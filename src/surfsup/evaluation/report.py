@@ -12,13 +12,13 @@ import numpy as np
 from surfsup import __version__
 from surfsup.errors import InputError
 from surfsup.evaluation.compare import Comparison
-from surfsup.evaluation.evaluate import JudgedScene, Judgement
+from surfsup.evaluation.evaluate import JudgedScene, Judgment
 from surfsup.evaluation.floor import HOW_TO_MAKE
+from surfsup.evaluation.load_trajectories import DataSet, Skipped
 from surfsup.evaluation.scores import METRICS, WINDOWS, ByWindow, ratios
 from surfsup.evaluation.summary import summaries
 from surfsup.evaluation.unseen import unseen
-from surfsup.evaluation.usable import DataSet, Skipped
-from surfsup.model.weights import Card
+from surfsup.learned.weights_file import Card
 from surfsup.scene import FRAME_TIME
 
 DIGITS = 6  # of a curve's values; more are noise
@@ -33,14 +33,14 @@ class Subject:
 
     Attributes:
         card: the model's.
-        guarded: whether the guard against penetration was on.
-        threshold: metres; particles nearer to the solid count for Chamfer Surface.
+        handle_collisions: whether the guard against penetration was on.
+        threshold: meters; particles nearer to the solid count for Chamfer Surface.
         scenes: how many of every data set, the first ones; None are all.
         frames: how many of every scene, the first ones; None are all.
     """
 
     card: Card
-    guarded: bool
+    handle_collisions: bool
     threshold: float
     scenes: int | None = None
     frames: int | None = None
@@ -68,7 +68,11 @@ def evaluation_report(
     """All that an evaluation found, as plain data for JSON; file names are relative to ``folder`` where they can be."""
     strange = unseen(subject.card.seen, [scene.truth for scene in scenes])
     return {
-        "model": {"name": subject.card.name, "about": subject.card.about, "guarded": subject.guarded},
+        "model": {
+            "name": subject.card.name,
+            "about": subject.card.about,
+            "handle_collisions": subject.handle_collisions,
+        },
         "limits": {"scenes": subject.scenes, "frames": subject.frames},
         **definitions(subject.threshold),
         "data": [{**data_set_entry(one, scenes, skipped), "unseen": strange.get(one.name)} for one in sets],
@@ -87,8 +91,8 @@ def evaluation_report(
                 "data": scene.truth.data,
                 "scene": scene.name,
                 "trajectory": scene.rollout.relative_to(folder).as_posix(),
-                "guarded": scene.guarded,
-                **judgement_entry(scene.judgement),
+                "handle_collisions": scene.handle_collisions,
+                **judgment_entry(scene.judgment),
             }
             for scene in scenes
         ],
@@ -111,7 +115,7 @@ def definitions(threshold: float) -> dict:
 def data_set_entry(one: DataSet, scenes: Sequence[JudgedScene], skipped: Sequence[Skipped]) -> dict:
     """A data set: how much of it was judged, and what was not."""
     members = [scene for scene in scenes if scene.truth.data == one.name]
-    floors = sum(bool(scene.judgement.floors) for scene in members)
+    floors = sum(bool(scene.judgment.floors) for scene in members)
     left_out = [bad for bad in skipped if bad.file.is_relative_to(one.folder)]
     return {
         "name": one.name,
@@ -123,15 +127,15 @@ def data_set_entry(one: DataSet, scenes: Sequence[JudgedScene], skipped: Sequenc
     }
 
 
-def judgement_entry(judgement: Judgement) -> dict:
+def judgment_entry(judgment: Judgment) -> dict:
     """One scene: numbers by window, and curves frame by frame."""
     return {
-        "surface": judgement.surface,
-        "particles": judgement.particles,
-        "frames": len(judgement.own),
-        "repeats": len(judgement.floors),
-        "windows": beside(judgement.scores, judgement.floor, ratios(judgement.scores, judgement.floor)),
-        "curves": curves(judgement.own, judgement.floors),
+        "surface": judgment.surface,
+        "particles": judgment.particles,
+        "frames": len(judgment.own),
+        "repeats": len(judgment.floors),
+        "windows": beside(judgment.scores, judgment.floor, ratios(judgment.scores, judgment.floor)),
+        "curves": curves(judgment.own, judgment.floors),
     }
 
 

@@ -10,20 +10,20 @@ import numpy as np
 import torch
 
 from surfsup.errors import SimulationError
-from surfsup.model.learned_simulator import LearnedSimulator, StateType
-from surfsup.model.state import Surroundings
-from surfsup.trajectory import Provenance, Trajectory, TrajectoryWriter
+from surfsup.io.trajectory import Provenance, Trajectory, TrajectoryWriter
+from surfsup.sph.simulator import Simulator, StateType
+from surfsup.sph.state import Environment
 
 
 @torch.no_grad()
 def roll_out(
-    model: LearnedSimulator,
+    model: Simulator,
     truth: Trajectory,
     frames: int,
     path: Path,
     name: str,
     device: str,
-    guarded: bool,
+    handle_collisions: bool,
     tell: Callable[[int], None],
 ) -> float:
     """Write to ``path`` what ``model`` makes of the start of ``truth``, over so many ``frames``.
@@ -38,7 +38,7 @@ def roll_out(
         path: of the trajectory file, replaced if it is there.
         name: of the model, for the file.
         device: where to compute.
-        guarded: whether the guard against penetration is on.
+        handle_collisions: whether the guard against penetration is on.
         tell: told how many frames are done.
 
     Returns:
@@ -48,10 +48,10 @@ def roll_out(
         InputError: a mesh file of the scene is not usable, or ``path`` cannot be written.
     """
     scene = truth.scene.with_frames(frames)
-    around = Surroundings.of(scene, scene.build_surface(), device)
+    environment = Environment.of(scene, scene.build_surface(), device)
     start, velocities = (torch.from_numpy(data[0]).to(device) for data in (truth.positions, truth.velocities))
     model = model.to(device)
-    rollout = model.rollout(model.start(start, velocities, around), around, frames, guarded)
+    rollout = model.rollout(model.start(start, velocities, environment), environment, frames, handle_collisions)
     gone = np.full(start.shape, np.nan, dtype=np.float32)
     shares = []
     with TrajectoryWriter(path, scene, Provenance(name), len(start)) as writer:

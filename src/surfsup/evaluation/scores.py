@@ -62,7 +62,7 @@ FIRST_300, ALL = WINDOWS[-2].name, WINDOWS[-1].name
 
 
 def mean_depth(of: Comparison, window: slice) -> float:
-    """Mean distance of the particles inside the solid, metres; NaN if there were none."""
+    """Mean distance of the particles inside the solid, meters; NaN if there were none."""
     inside = of.own.inside[window].sum()
     return of.own.depth[window].sum() / inside if inside else math.nan
 
@@ -133,7 +133,7 @@ METRICS = (
         "height error",
         "m",
         4,
-        "how far the centre of mass is too high or too low, mean over frames",
+        "how far the center of mass is too high or too low, mean over frames",
         lambda of, window: np.abs(of.own.height[window] - of.true.height[window]).mean(),
     ),
     Metric(
@@ -159,7 +159,7 @@ METRICS = (
         "rebound error",
         "m",
         4,
-        "how far off the height is that the centre of mass climbs back after impact",
+        "how far off the height is that the center of mass climbs back after impact",
         lambda of, window: abs(rebound(of.own.height[window]) - rebound(of.true.height[window])),
     ),
     Metric(

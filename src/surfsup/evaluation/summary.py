@@ -36,11 +36,11 @@ class Summary:
 
 def summary(data: str, surface: str, scenes: Sequence[JudgedScene]) -> Summary:
     """The means over ``scenes``."""
-    judgements = [scene.judgement for scene in scenes]
-    grounded = [judgement for judgement in judgements if judgement.floor]
-    floor = mean_scores([judgement.floor for judgement in grounded])
-    beside = mean_scores([judgement.scores for judgement in grounded])
-    model = mean_scores([judgement.scores for judgement in judgements])
+    judgments = [scene.judgment for scene in scenes]
+    grounded = [judgment for judgment in judgments if judgment.floor]
+    floor = mean_scores([judgment.floor for judgment in grounded])
+    beside = mean_scores([judgment.scores for judgment in grounded])
+    model = mean_scores([judgment.scores for judgment in judgments])
     return Summary(data, surface, len(scenes), len(grounded), model, floor, ratios(beside, floor))
 
 
@@ -49,8 +49,8 @@ def summaries(scenes: Sequence[JudgedScene]) -> list[Summary]:
     found = []
     for data in unique(scene.truth.data for scene in scenes):
         members = [scene for scene in scenes if scene.truth.data == data]
-        for kind in unique(scene.judgement.surface for scene in members):
-            found.append(summary(data, kind, [scene for scene in members if scene.judgement.surface == kind]))
+        for kind in unique(scene.judgment.surface for scene in members):
+            found.append(summary(data, kind, [scene for scene in members if scene.judgment.surface == kind]))
         found.append(summary(data, EVERY_SURFACE, members))
     return found
 

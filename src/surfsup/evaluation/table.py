@@ -1,15 +1,15 @@
-"""Judgements as text for a terminal."""
+"""Judgments as text for a terminal."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
-from surfsup.evaluation.evaluate import JudgedScene, Judgement
+from surfsup.evaluation.evaluate import JudgedScene, Judgment
 from surfsup.evaluation.floor import HOW_TO_MAKE
+from surfsup.evaluation.load_trajectories import DataSet, Skipped
 from surfsup.evaluation.report import Subject
 from surfsup.evaluation.scores import ALL, METRICS, Metric, Values, ratios
 from surfsup.evaluation.summary import Summary, summaries
-from surfsup.evaluation.usable import DataSet, Skipped
 
 NOTHING = "-"
 LABEL, COLUMN, RATIO = 19, 9, 6  # characters
@@ -29,8 +29,8 @@ def evaluation_text(
         members = [mean for mean in means if mean.data == one.name]
         if members:
             lines += data_set_lines(one, members, subject)
-            if subject.guarded:
-                lines.append(guard_line([scene.guarded for scene in scenes if scene.truth.data == one.name]))
+            if subject.handle_collisions:
+                lines.append(guard_line([scene.handle_collisions for scene in scenes if scene.truth.data == one.name]))
             lines.append("")
     lines += [*legend(BY_KEY), *skipped_lines(skipped)]
     return "\n".join(lines)
@@ -50,16 +50,16 @@ def data_set_lines(one: DataSet, members: Sequence[Summary], subject: Subject) -
     return [*lines, "", f"mean of a scene: {'; '.join(counts)}"]
 
 
-def judgement_text(judgement: Judgement) -> str:
+def judgment_text(judgment: Judgment) -> str:
     """One trajectory against its truth, over time."""
-    grounded = bool(judgement.floor)
-    ratio = ratios(judgement.scores, judgement.floor)
+    grounded = bool(judgment.floor)
+    ratio = ratios(judgment.scores, judgment.floor)
     lines = []
     for keys in (DISTANCES, PHYSICS, COUNTS):
         metrics = [BY_KEY[key] for key in keys]
         values = [
-            (window, judgement.scores[window], judgement.floor.get(window), ratio.get(window))
-            for window in judgement.scores
+            (window, judgment.scores[window], judgment.floor.get(window), ratio.get(window))
+            for window in judgment.scores
         ]
         lines += [*head(metrics, grounded, "judged"), *rows(values, metrics, grounded), ""]
     return "\n".join([*lines, *legend(BY_KEY)])
@@ -67,7 +67,7 @@ def judgement_text(judgement: Judgement) -> str:
 
 def how(subject: Subject) -> str:
     """What of the model was judged, and over how much."""
-    what = f"'{subject.card.name}' {'with' if subject.guarded else 'without'} the guard"
+    what = f"'{subject.card.name}' {'with' if subject.handle_collisions else 'without'} the guard"
     return what if subject.frames is None else f"{what}, the first {subject.frames} frames"
 
 
@@ -135,9 +135,9 @@ def floor_of(whole: Summary, one: DataSet) -> str:
     return f"no floor ({missing})" if not whole.floors else f"floor of {whole.floors} of them ({missing})"
 
 
-def guard_line(guarded: Sequence[float]) -> str:
+def guard_line(handle_collisions: Sequence[float]) -> str:
     """How much the guard had to do."""
-    return f"the guard moved {100 * sum(guarded) / len(guarded):.2f} % of the particles in a frame"
+    return f"the guard moved {100 * sum(handle_collisions) / len(handle_collisions):.2f} % of the particles in a frame"
 
 
 def legend(keys: Sequence[str]) -> list[str]:

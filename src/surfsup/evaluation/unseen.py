@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 
-from surfsup.evaluation.usable import Truth
-from surfsup.model.seen import Seen
+from surfsup.evaluation.load_trajectories import Truth
+from surfsup.learned.training_domain import TrainingDomain
 
 NAMED = 4  # more would not be read
 
 
-def unseen(seen: Seen | None, truths: Sequence[Truth]) -> dict[str, str]:
+def unseen(seen: TrainingDomain | None, truths: Sequence[Truth]) -> dict[str, str]:
     """Data set -> one line on what of its scenes the weights were not trained for; those that are like training are not
     in it.
 

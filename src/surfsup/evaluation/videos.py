@@ -10,8 +10,8 @@ from pathlib import Path
 from surfsup.errors import InputError
 from surfsup.evaluation.evaluate import JudgedScene
 from surfsup.evaluation.scores import ALL
-from surfsup.pictures import write_side_by_side
 from surfsup.viewing.graphics import require_graphics
+from surfsup.viewing.trajectory_pictures import write_side_by_side
 
 FOLDER = "videos"
 
@@ -35,7 +35,7 @@ def examples(scenes: Sequence[JudgedScene]) -> list[Example]:
     """
 
     def distance(scene: JudgedScene) -> float:
-        chamfer = scene.judgement.scores[ALL]["chamfer"]
+        chamfer = scene.judgment.scores[ALL]["chamfer"]
         return math.inf if chamfer is None else chamfer
 
     ranked = sorted(scenes, key=distance)

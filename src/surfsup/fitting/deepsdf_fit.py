@@ -19,8 +19,8 @@ from surfsup.errors import InputError
 from surfsup.fitting.exact import Exact, joined_of
 from surfsup.fitting.fit import Fit, FitConfig
 from surfsup.fitting.shape_set import ShapeSet
-from surfsup.sdf.code_network import CodeNetwork, CodeSizes
-from surfsup.sdf.deepsdf import DeepSdf
+from surfsup.sdf.neural.code_network import CodeNetwork, CodeSizes
+from surfsup.sdf.neural.deepsdf import DeepSdf
 
 CLAMP = 0.1  # of the cube: distances beyond are all alike to the loss (DeepSDF's δ)
 SPREADS = (0.02, 0.07)  # noise of the samples about the surface; DeepSDF's variances are 0.0005 and 0.005

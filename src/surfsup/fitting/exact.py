@@ -10,8 +10,8 @@ import numpy as np
 import torch
 
 from surfsup.errors import InputError
-from surfsup.sdf.mesh_query import MeshQuery, unit
-from surfsup.sdf.siren import Cube
+from surfsup.sdf.mesh.query import MeshQuery, unit
+from surfsup.sdf.neural.siren import Cube
 from surfsup.sdf.surface import Surface
 
 if TYPE_CHECKING:
@@ -166,7 +166,7 @@ class ExactSolid(Exact):
 
     def known(self, points: np.ndarray) -> Known:
         """Distance and normal of ``points`` (N, 3)."""
-        own = torch.from_numpy(points / self.cube.scale + np.asarray(self.cube.centre)).float()
+        own = torch.from_numpy(points / self.cube.scale + np.asarray(self.cube.center)).float()
         with torch.no_grad():
             distance, normals = self.surface.distance_and_normal(own)
         return Known(points, self.cube.scale * distance.double().numpy(), normals.double().numpy())
@@ -179,12 +179,12 @@ def joined_of(parts: list[Known]) -> Known:
 
 
 def cube_of(points: np.ndarray) -> Cube:
-    """How to move and scale ``points`` (N, 3) so that their box is centred and its longest side is 2."""
+    """How to move and scale ``points`` (N, 3) so that their box is centered and its longest side is 2."""
     lower, upper = points.min(axis=0), points.max(axis=0)
-    centre = (lower + upper) / 2
-    return Cube(tuple(centre.tolist()), float(2 / (upper - lower).max()))
+    center = (lower + upper) / 2
+    return Cube(tuple(center.tolist()), float(2 / (upper - lower).max()))
 
 
 def into_cube(points: np.ndarray, cube: Cube) -> np.ndarray:
     """``points`` (N, 3) moved and scaled into the cube."""
-    return (points - np.asarray(cube.centre)) * cube.scale
+    return (points - np.asarray(cube.center)) * cube.scale

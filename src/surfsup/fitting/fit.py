@@ -12,9 +12,9 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from torch import Tensor, nn
 
 from surfsup.errors import InputError
-from surfsup.scene.complaints import one_line
-from surfsup.sdf.neural_file import part
-from surfsup.training.checkpoint import Checkpoint, CheckpointFiles
+from surfsup.optim.checkpoint import Checkpoint, CheckpointFiles
+from surfsup.scene.validation_message import one_line
+from surfsup.sdf.neural.surface_file import part
 from surfsup.training.config import values_of
 
 
@@ -22,7 +22,7 @@ class FitConfig(BaseModel):
     """What every fit is told; those of a kind are told more.
 
     Attributes:
-        steps: of the optimiser, over which the learning rate falls.
+        steps: of the optimizer, over which the learning rate falls.
         learning_rate, final_learning_rate: of Adam, at the start and at the end of a cosine.
         warm_up: steps over which the learning rate rises.
         clip: the largest norm of the gradient; a longer one is shortened.
@@ -55,7 +55,7 @@ Config = TypeVar("Config", bound=FitConfig)
 
 
 class Fit(ABC):
-    """A network being fitted, its optimiser and its folder.
+    """A network being fitted, its optimizer and its folder.
 
     Attributes:
         network: what is fitted.
@@ -79,14 +79,14 @@ class Fit(ABC):
 
     @abstractmethod
     def loss(self, random: torch.Generator) -> Tensor:
-        """What is minimised, on points drawn by ``random``."""
+        """What is minimized, on points drawn by ``random``."""
 
     @abstractmethod
     def error(self) -> float:
         """How far the network is off on points that it was not fitted to; the least is kept."""
 
     def take_step(self) -> float:
-        """One step of the optimiser; returns the loss. The weights stay as they were where it is not finite."""
+        """One step of the optimizer; returns the loss. The weights stay as they were where it is not finite."""
         random = torch.Generator().manual_seed(self.config.seed * 1_000_003 + self.step)
         for group in self.optimizer.param_groups:
             group["lr"] = self.config.rate(self.step)

@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from surfsup.errors import InputError
-from surfsup.sdf.neural_file import ENDING
-from surfsup.training.checkpoint import CheckpointFiles
+from surfsup.optim.checkpoint import CheckpointFiles
+from surfsup.sdf.neural.surface_file import ENDING
 
 
 def fit_folder(out: Path, resume: bool) -> Path:

@@ -10,8 +10,8 @@ import trimesh
 from torch import Tensor
 
 from surfsup.errors import InputError
-from surfsup.sdf.deepsdf import DeepSdf
-from surfsup.sdf.polygonise import polygonise
+from surfsup.sdf.marching_cubes import polygonize
+from surfsup.sdf.neural.deepsdf import DeepSdf
 
 RESOLUTION = 96  # cells along the cube
 
@@ -64,7 +64,7 @@ def solid_between(shapes: DeepSdf, code: Tensor, share: float, resolution: int) 
     """
     surface = shapes.surface(code)
     try:
-        mesh = polygonise(surface, resolution)
+        mesh = polygonize(surface, resolution)
     except InputError:
         return Between(share, None, 0, False)
     return Between(share, mesh, int(mesh.body_count), bool(mesh.is_watertight))

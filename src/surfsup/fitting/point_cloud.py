@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from surfsup.errors import InputError
-from surfsup.sdf.mesh_file import FLAT
-from surfsup.sdf.mesh_query import unit
+from surfsup.sdf.mesh.mesh_file import FLAT
+from surfsup.sdf.mesh.query import unit
 
 CLOUD_ENDINGS = (".xyz", ".ply")
 FEWEST = 100  # points that a surface is told from

@@ -9,7 +9,7 @@ import torch
 from torch import Tensor
 
 from surfsup.fitting.deepsdf_fit import clamped_error
-from surfsup.sdf.deepsdf import DeepSdf
+from surfsup.sdf.neural.deepsdf import DeepSdf
 
 STEPS = 400
 LEARNING_RATE = 0.02

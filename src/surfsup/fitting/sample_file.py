@@ -6,7 +6,7 @@ from pathlib import Path
 
 from surfsup.errors import InputError
 from surfsup.fitting.deepsdf_fit import ShapeSamples
-from surfsup.sdf import neural_file
+from surfsup.sdf.neural import surface_file
 
 NAME = "samples.safetensors"
 
@@ -18,7 +18,7 @@ def save_samples(folder: Path, samples: ShapeSamples) -> None:
         InputError: the disk is full or not writable.
     """
     tensors = {"points": samples.points, "distance": samples.distance}
-    neural_file.write(folder / NAME, neural_file.SAMPLES, {"names": samples.names}, tensors)
+    surface_file.write(folder / NAME, surface_file.SAMPLES, {"names": samples.names}, tensors)
 
 
 def load_samples(folder: Path) -> ShapeSamples:
@@ -28,7 +28,7 @@ def load_samples(folder: Path) -> ShapeSamples:
         InputError: they are missing or damaged.
     """
     path = folder / NAME
-    header, tensors = neural_file.read(path, neural_file.SAMPLES)
+    header, tensors = surface_file.read(path, surface_file.SAMPLES)
     try:
         return ShapeSamples(header["names"], tensors["points"], tensors["distance"])
     except KeyError as error:

@@ -7,15 +7,15 @@ from pathlib import Path
 
 import numpy as np
 
-from surfsup.datasets.carpentry import chair
+from surfsup.datasets.procedural.chairs import chair
 from surfsup.errors import InputError
 from surfsup.fitting.exact import Exact, ExactMesh, ExactSolid
 from surfsup.sdf import Bowl, load_mesh
-from surfsup.sdf.mesh_file import FORMATS
+from surfsup.sdf.mesh.mesh_file import FORMATS
 
 SHAPENET_MODEL = "models/model_normalized.obj"  # of ShapeNetCore.v2; version 1 has model.obj beside its textures
 SHAPENET_OLD_MODEL = "model.obj"
-CAPTURE_RADIUS = (0.07, 0.3)  # metres; as of the recipe 'bowls'
+CAPTURE_RADIUS = (0.07, 0.3)  # meters; as of the recipe 'bowls'
 FILTER_SHARE = 0.6  # largest hole of a bowl, of its capture radius
 WALLS = (0.15, 0.3)  # of the capture radius
 

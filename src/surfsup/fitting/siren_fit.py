@@ -13,7 +13,7 @@ from torch import Tensor, nn
 from surfsup.fitting.exact import Exact, Known, cube_of, into_cube, joined_of
 from surfsup.fitting.fit import Fit, FitConfig
 from surfsup.fitting.point_cloud import PointCloud
-from surfsup.sdf.siren import Cube, SirenSizes
+from surfsup.sdf.neural.siren import Cube, SirenSizes
 
 OFF_SURFACE = 100.0  # the published α of exp(-α|F|)
 SPREADS = (0.01, 0.03, 0.08)  # of the cube: noise of the points about the surface

@@ -9,15 +9,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from surfsup.datasets.procedural.room import room
 from surfsup.datasets.recipes.complex_scenes import SCULPTED
-from surfsup.datasets.sculptures.room import room
 from surfsup.errors import InputError
 from surfsup.fitting.exact import Exact, ExactMesh
 from surfsup.fitting.point_cloud import CLOUD_ENDINGS, is_cloud, load_cloud
 from surfsup.fitting.siren_fit import SirenTarget
 from surfsup.scene import Scene
 from surfsup.sdf import load_mesh
-from surfsup.sdf.mesh_file import FORMATS
+from surfsup.sdf.mesh.mesh_file import FORMATS
 
 if TYPE_CHECKING:
     import trimesh
@@ -64,7 +64,7 @@ def read_input(path: Path, up: str | None, samples: int, seed: int) -> tuple[Sir
 
 
 def room_mesh() -> trimesh.Trimesh:
-    """The triangles of the furnished room, metres."""
+    """The triangles of the furnished room, meters."""
     return room().surface().to_mesh(SCENE_RESOLUTION)
 
 
@@ -75,7 +75,7 @@ OWN: dict[str, Callable[[], trimesh.Trimesh]] = {
 
 
 def solid_of(path: Path) -> trimesh.Trimesh:
-    """The triangles of the solid in the scene file ``path``, metres.
+    """The triangles of the solid in the scene file ``path``, meters.
 
     Raises:
         InputError: the file is no scene, or its container is empty.

@@ -14,11 +14,11 @@ from surfsup import __version__
 from surfsup.errors import InputError
 from surfsup.fitting.exact import Exact
 from surfsup.fitting.siren_fit import SirenFit
-from surfsup.sdf.lattice import Lattice
-from surfsup.sdf.mesh_query import unit
-from surfsup.sdf.neural import CELL, MARGIN
-from surfsup.sdf.polygonise import polygonise
-from surfsup.sdf.siren import SirenSurface
+from surfsup.sdf.grid import Lattice
+from surfsup.sdf.marching_cubes import polygonize
+from surfsup.sdf.mesh.query import unit
+from surfsup.sdf.neural.siren import SirenSurface
+from surfsup.sdf.neural.surface import CELL, MARGIN
 
 SEARCHED = 1.1  # of the cube [-1, 1]³: where the zero set is looked for
 RESOLUTION = 128  # cells of the mesh that the lattice and the Chamfer distance are taken of
@@ -71,7 +71,7 @@ def surface_of(
     everywhere = torch.tensor([[-SEARCHED] * 3, [SEARCHED] * 3])
     bare = SirenSurface(network, everywhere)
     try:
-        mesh = polygonise(bare, resolution)
+        mesh = polygonize(bare, resolution)
     except InputError:
         raise NothingInside("the fit has no inside yet; go on with --resume and more --time") from None
     vertices, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces)

@@ -16,7 +16,7 @@ from scipy.sparse.csgraph import dijkstra
 
 from surfsup.errors import InputError
 from surfsup.fitting.interpolate import RESOLUTION, Between, solid_between
-from surfsup.sdf.deepsdf import DeepSdf
+from surfsup.sdf.neural.deepsdf import DeepSdf
 
 RELUCTANCE = 3.0  # a hop costs its length to this power: several short ones rather than a long one
 LOOKS = (2, 4, 8)  # for each step that is asked for, places on the way that are looked at; more where these are too few

@@ -1,4 +1,4 @@
-"""The convolution's step, its parts for training, the search for neighbours, distances of solids and meshes, in C++.
+"""The convolution's step, its parts for training, the search for neighbors, distances of solids and meshes, in C++.
 
 It is built with the package where there is a compiler; torch does the same without it.
 """
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
         energy_gain,
         find_pairs,
         guard,
-        paths,
+        instruction_sets,
         sample,
         sum_fours,
         sum_fours_back,
@@ -35,7 +35,7 @@ else:
             energy_gain,
             find_pairs,
             guard,
-            paths,
+            instruction_sets,
             sample,
             sum_fours,
             sum_fours_back,
@@ -45,7 +45,7 @@ else:
         convolve = convolve_back = energy_gain = find_pairs = guard = None
         sample = sum_fours = sum_fours_back = None
 
-        def paths() -> list[str]:
+        def instruction_sets() -> list[str]:
             """No instruction set: nothing is native."""
             return []
 
@@ -60,7 +60,7 @@ __all__ = [
     "energy_gain",
     "find_pairs",
     "guard",
-    "paths",
+    "instruction_sets",
     "sample",
     "sum_fours",
     "sum_fours_back",

@@ -6,20 +6,20 @@ from typing import TypeAlias
 import numpy as np
 
 Matrix = Bias = Vectors = Values = Vector = np.ndarray
-# Table (X Y Z, 4), first node, middle, cell, nodes (X, Y, Z): see surfsup.sdf.mesh_cache.DistanceCache.
+# Table (X Y Z, 4), first node, middle, cell, nodes (X, Y, Z): see surfsup.sdf.mesh.distance_cache.DistanceCache.
 Grid = tuple[np.ndarray, tuple[float, ...], tuple[float, ...], float, tuple[int, ...]]
 # A solid, or who writes the distance (N,) and, unless that is None, the unit normal (N, 3) of points (N, 3).
 Asked: TypeAlias = "Solid | Callable[[Vectors, Values, Vectors | None], None]"
 
-def paths() -> list[str]:
+def instruction_sets() -> list[str]:
     """Instruction sets that this processor has and the step is compiled for, the fastest first."""
 
 def find_pairs(
-    positions: Vectors, radius: float, most_edges: int, threads: int
+    positions: Vectors, radius: float, max_edges: int, threads: int
 ) -> tuple[int, np.ndarray, np.ndarray, np.ndarray]:
     """All ordered pairs within ``radius``: how many, starts (N + 1,), receivers (E,), senders (E,), all int64.
 
-    Where there are more than ``most_edges`` it stops, where a position is not finite the number is -1; then the arrays
+    Where there are more than ``max_edges`` it stops, where a position is not finite the number is -1; then the arrays
     are empty.
 
     Raises:
@@ -31,7 +31,7 @@ def energy_gain(
 ) -> float:
     """How much mechanical energy a step adds, mean J/kg; all but ``gravity`` (3,) are (N, 3)."""
 
-def guard(
+def resolve_collisions(
     before: Vectors,
     positions: Vectors,
     velocities: Vectors,
@@ -41,24 +41,24 @@ def guard(
     clearance: tuple[float, float, int],
     solid: Asked | None,
     last: tuple[Vectors, Values] | None,
-    path: str,
+    isa: str,
     threads: int,
 ) -> None:
-    """The guard, see :func:`surfsup.model.guard.guard`, in place; mark whom it ``moved`` (N,).
+    """The guard, see :func:`surfsup.sph.collision.guard`, in place; mark whom it ``moved`` (N,).
 
     Args:
         before: (N, 3) one frame earlier.
         positions, velocities: (N, 3).
         lower, upper: (3,), corners of the container.
-        clearance: metres from walls and solid that they get, and short of it that they may stay, and how often they are
+        clearance: meters from walls and solid that they get, and short of it that they may stay, and how often they are
             pushed at most.
         solid: whom to ask.
         last: places (N, 3) where they were ``distance`` (N,) from the solid; without it all are looked at.
-        path: the instruction set to look at it with.
+        isa: the instruction set to look at it with.
         threads: at most.
 
     Raises:
-        ValueError: sizes do not fit, or the processor cannot go the path.
+        ValueError: sizes do not fit, or the processor lacks the instruction set.
     """
 
 def convolve(
@@ -114,7 +114,7 @@ def sum_fours_back(
     """Write the gradient in the values of :func:`sum_fours` from that in its sums."""
 
 def sample(grid: Grid, points: np.ndarray, distance: np.ndarray, gradient: np.ndarray, threads: int) -> None:
-    """Write what :meth:`surfsup.sdf.mesh_cache.DistanceCache.sample` tells of ``points`` (N, 3) float64 in the grid.
+    """Write what :meth:`surfsup.sdf.mesh.distance_cache.DistanceCache.sample` tells of ``points`` (N, 3) float64 in the grid.
 
     Raises:
         ValueError: sizes do not fit.
@@ -172,8 +172,8 @@ class Solid:
         """One that a network knows, in its own frame; all arrays are float32, and all but the lattice's are copied.
 
         Args:
-            layers, last, last_bias, code, frequency, octaves: see :class:`surfsup.sdf.native_layers.NativeLayers`.
-            lattice: a table (X Y Z, 4) as of :class:`surfsup.sdf.lattice.Lattice`, its first node, cell, (X, Y, Z).
+            layers, last, last_bias, code, frequency, octaves: see :class:`surfsup.sdf.neural.native_layers.NativeLayers`.
+            lattice: a table (X Y Z, 4) as of :class:`surfsup.sdf.grid.Lattice`, its first node, cell, (X, Y, Z).
             near: distance by the lattice up to which the network is asked.
 
         Raises:
@@ -201,20 +201,20 @@ class Solid:
             coarse: the one around that.
             unsigned_distance: (N,) float64 of the fine grid's nodes.
             inside: (N,) bool, whether they are.
-            near: distance by the grid up to which the triangles are asked, metres.
+            near: distance by the grid up to which the triangles are asked, meters.
             agree: length of the mean of the nodes' normals below which they are asked, too.
-            touching: metres from the surface up to which rounding decides where the normal points.
+            touching: meters from the surface up to which rounding decides where the normal points.
             rest: writes distance and normal of points so near to the surface that the grid does not tell their side.
 
         Raises:
             ValueError: sizes do not fit.
         """
 
-    def look(self, points: Vectors, distance: Values, normal: Vectors | None, path: str, threads: int) -> None:
+    def look(self, points: Vectors, distance: Values, normal: Vectors | None, isa: str, threads: int) -> None:
         """Write the signed distance (N,) and, where wanted, the unit normal (N, 3) of ``points`` (N, 3), all float32.
 
         Raises:
-            ValueError: sizes do not fit, or the processor cannot go the path.
+            ValueError: sizes do not fit, or the processor lacks the instruction set.
         """
 
 class SolidMap:
@@ -223,7 +223,7 @@ class SolidMap:
     def __init__(
         self, lower: Vector, cell: Vector, resolution: np.ndarray, places: np.ndarray, nodes: np.ndarray
     ) -> None:
-        """Copy the tables of :class:`surfsup.model.solid_map.Tables`.
+        """Copy the tables of :class:`surfsup.sph.boundary.map_interpolation.Tables`.
 
         Raises:
             ValueError: sizes do not fit, or a cell has nodes that are not there.
@@ -275,13 +275,13 @@ class Network:
         turn: Matrix,
         solid: Asked | None,
         clearance: tuple[float, float, int],
-        guarded: bool,
+        handle_collisions: bool,
         most_gain: float,
         last: tuple[Vectors, Values],
         reached: tuple[Vectors, Vectors, np.ndarray],
-        path: str,
+        isa: str,
         threads: int,
-        most_edges: int,
+        max_edges: int,
     ) -> tuple[int, bool]:
         """Write the positions, the velocities of the next frame, and whom the guard moved; in float32 and bool.
 
@@ -292,22 +292,22 @@ class Network:
             turn: (3, 3), how it is turned.
             solid: whom to ask how far it is.
             clearance: as of :func:`guard`.
-            guarded: whether the guard is to be done.
+            handle_collisions: whether the guard is to be done.
             most_gain: J/kg that the frame may gain on the mean.
             last: places (N, 3) from where each particle looked at the solid last, and how far it was from there (N,).
                 Whoever may have come near looks again: then both are those of this time. A distance is believed half.
             reached: (N, 3), (N, 3) and (N,), what is written.
-            path: the instruction set.
+            isa: the instruction set.
             threads: at most.
-            most_edges: with more than that it stops.
+            max_edges: with more than that it stops.
 
         Returns:
             The number of edges, -1 where ballistic motion leads to what is not finite, and whether it is done: where
             more energy would be gained it has not been guarded yet.
 
         Raises:
-            ValueError: sizes do not fit, or the processor cannot go the path.
-            MemoryError: the neighbours do not fit into memory.
+            ValueError: sizes do not fit, or the processor lacks the instruction set.
+            MemoryError: the neighbors do not fit into memory.
         """
 
     def observe(
@@ -328,15 +328,15 @@ class Network:
         farther: Vectors,
         slope: Vectors,
         places: Vectors,
-        path: str,
+        isa: str,
         threads: int,
-        most_edges: int,
+        max_edges: int,
     ) -> int:
         """Write what the network is told of each particle, and return the number of edges as :meth:`next_frame` does.
 
         It is at ``ahead`` (N, 3) in ballistic motion; ``distance`` (N,) and ``normal`` (N, 3) are the solid's there.
 
         Raises:
-            ValueError: sizes do not fit, or the processor cannot go the path.
-            MemoryError: the neighbours do not fit into memory.
+            ValueError: sizes do not fit, or the processor lacks the instruction set.
+            MemoryError: the neighbors do not fit into memory.
         """

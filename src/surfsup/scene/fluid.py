@@ -10,13 +10,13 @@ from pydantic import model_validator
 
 from surfsup.scene.shapes import Description, Vector
 
-PARTICLE_RADIUS = 0.015  # metres
+PARTICLE_RADIUS = 0.015  # meters
 SPACING = 2 * PARTICLE_RADIUS
 MOST_PARTICLES = 50_000_000  # in a block; their positions alone are 0.6 GB
 
 
 class Block(Description):
-    """A box of fluid from ``min`` to ``max`` (metres) that starts with ``velocity`` (m/s)."""
+    """A box of fluid from ``min`` to ``max`` (meters) that starts with ``velocity`` (m/s)."""
 
     min: Vector
     max: Vector
@@ -37,7 +37,7 @@ class Block(Description):
         return self
 
     def particle_bounds(self) -> list[tuple[float, float]]:
-        """Where the first and the last particle lie along x, y and z, metres."""
+        """Where the first and the last particle lie along x, y and z, meters."""
         return [
             (low + SPACING, low + SPACING * particles_along(low, high))
             for low, high in zip(self.min, self.max, strict=True)
@@ -63,7 +63,7 @@ class Start:
     """The particles of a scene on their lattice, at the velocities of their blocks.
 
     Attributes:
-        blocks: positions (N, 3) float32 of each block in metres.
+        blocks: positions (N, 3) float32 of each block in meters.
         velocities: velocity of each block in m/s.
         left_out: particles that would have lain in the solid or on one another.
     """

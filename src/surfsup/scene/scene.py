@@ -12,33 +12,33 @@ from pydantic import Field, PrivateAttr, ValidationError
 from scipy.spatial import cKDTree
 
 from surfsup.errors import InputError
-from surfsup.scene.complaints import one_line
 from surfsup.scene.fluid import SPACING, Block, Fluid, Start
 from surfsup.scene.shapes import Description, Length, Shape, Vector
-from surfsup.scene.text import parse_yaml
+from surfsup.scene.validation_message import one_line
+from surfsup.scene.yaml_text import parse_yaml
 from surfsup.sdf import Surface
-from surfsup.sdf.shipped import is_shipped
+from surfsup.sdf.neural.shipped_surfaces import is_shipped
 
 FRAME_TIME = 0.005  # seconds
-# Metres that water keeps at its start: in a simulation at most 0.04 % of the solver's particles are nearer (measured).
+# Meters that water keeps at its start: in a simulation at most 0.04 % of the solver's particles are nearer (measured).
 SURFACE_CLEARANCE = 0.0238
 WALL_CLEARANCE = 0.024
-WALL_CELL = 0.05  # metres, about: the side of the cells that the solver looks the walls up in
+WALL_CELL = 0.05  # meters, about: the side of the cells that the solver looks the walls up in
 
 
 class Container(Description):
-    """The box that holds everything: x and y centred on 0, floor at z = 0, sides ``size`` in metres."""
+    """The box that holds everything: x and y centered on 0, floor at z = 0, sides ``size`` in meters."""
 
     size: tuple[Length, Length, Length] = (1.0, 1.0, 2.0)
 
     @property
     def lower(self) -> tuple[float, float, float]:
-        """The corner with the smallest coordinates, metres."""
+        """The corner with the smallest coordinates, meters."""
         return (-self.size[0] / 2, -self.size[1] / 2, 0.0)
 
     @property
     def upper(self) -> tuple[float, float, float]:
-        """The corner with the largest coordinates, metres."""
+        """The corner with the largest coordinates, meters."""
         return (self.size[0] / 2, self.size[1] / 2, self.size[2])
 
 
@@ -175,7 +175,7 @@ class Scene(Description):
 
 
 def checked_block(lower: Vector, upper: Vector) -> Block:
-    """The block of fluid between two corners, metres.
+    """The block of fluid between two corners, meters.
 
     Raises:
         InputError: it is too thin or a number is not finite.
@@ -187,7 +187,7 @@ def checked_block(lower: Vector, upper: Vector) -> Block:
 
 
 def checked_container(size: Vector | None) -> Container:
-    """The container of ``size`` metres, the standard one for None.
+    """The container of ``size`` meters, the standard one for None.
 
     Raises:
         InputError: a side is not above zero or not finite.

@@ -10,7 +10,7 @@ import torch
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from surfsup import sdf
-from surfsup.sdf.shipped import seen_from
+from surfsup.sdf.neural.shipped_surfaces import seen_from
 
 Length = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Finite = Annotated[float, Field(allow_inf_nan=False)]
@@ -24,7 +24,7 @@ class Description(BaseModel):
 
 
 class SphereShape(Description):
-    """A ball of ``radius`` metres."""
+    """A ball of ``radius`` meters."""
 
     radius: Length
 
@@ -34,7 +34,7 @@ class SphereShape(Description):
 
 
 class BoxShape(Description):
-    """A box of the sides ``size`` in metres."""
+    """A box of the sides ``size`` in meters."""
 
     size: tuple[Length, Length, Length]
 
@@ -44,7 +44,7 @@ class BoxShape(Description):
 
 
 class CylinderShape(Description):
-    """A cylinder along z, in metres."""
+    """A cylinder along z, in meters."""
 
     radius: Length
     height: Length
@@ -55,7 +55,7 @@ class CylinderShape(Description):
 
 
 class ConeShape(Description):
-    """A capped cone along z, in metres."""
+    """A capped cone along z, in meters."""
 
     height: Length
     bottom_radius: Length
@@ -67,7 +67,7 @@ class ConeShape(Description):
 
 
 class TorusShape(Description):
-    """A ring around z, in metres."""
+    """A ring around z, in meters."""
 
     major_radius: Length
     minor_radius: Length
@@ -78,7 +78,7 @@ class TorusShape(Description):
 
 
 class BowlShape(Description):
-    """A hollow hemisphere that hangs from the centre of its mouth, in metres; a ``filter_radius`` of 0 closes it."""
+    """A hollow hemisphere that hangs from the center of its mouth, in meters; a ``filter_radius`` of 0 closes it."""
 
     capture_radius: Length
     filter_radius: Annotated[float, Field(ge=0, allow_inf_nan=False)] = 0.0
@@ -99,7 +99,7 @@ class BowlShape(Description):
 
 
 class FunnelShape(Description):
-    """A cone that narrows into a spout and hangs from the centre of its mouth, in metres."""
+    """A cone that narrows into a spout and hangs from the center of its mouth, in meters."""
 
     capture_radius: Length
     filter_radius: Length
@@ -113,9 +113,9 @@ class FunnelShape(Description):
 
 
 class MeshShape(Description):
-    """The triangles of ``file``; ``fit`` is the largest extent in metres, left out: as the file has it.
+    """The triangles of ``file``; ``fit`` is the largest extent in meters, left out: as the file has it.
 
-    A fitted mesh is centred in x and y and stands on z = 0.
+    A fitted mesh is centered in x and y and stands on z = 0.
     """
 
     file: Path
@@ -131,9 +131,9 @@ class MeshShape(Description):
 
 
 class SirenShape(Description):
-    """The SIREN in ``file``; ``fit`` is its largest extent in metres, left out: as what it was fitted to.
+    """The SIREN in ``file``; ``fit`` is its largest extent in meters, left out: as what it was fitted to.
 
-    ``file`` may be the name of a shipped one. A fitted one is centred in x and y and stands on z = 0.
+    ``file`` may be the name of a shipped one. A fitted one is centered in x and y and stands on z = 0.
     """
 
     file: Path
@@ -149,7 +149,7 @@ class DeepSdfShape(Description):
     """A shape of the DeepSDF in ``file``: the one called ``shape``, or the one of the latent ``code``.
 
     ``file`` may be the name of a shipped one. A file of a single shape needs neither. ``fit`` is the largest extent in
-    metres, 2 where it is left out; then the middle of the shape's box is its origin, else it is centred in x and y and
+    meters, 2 where it is left out; then the middle of the shape's box is its origin, else it is centered in x and y and
     stands on z = 0.
     """
 
@@ -174,10 +174,10 @@ class DeepSdfShape(Description):
 
 
 class HeightfieldShape(Description):
-    """Terrain out of ``file``, a solid that stands on z = 0 and is centred in x and y; row 0 is north, at +y.
+    """Terrain out of ``file``, a solid that stands on z = 0 and is centered in x and y; row 0 is north, at +y.
 
     ``size`` is its extent along x and y, ``height`` what lies between its lowest and its highest sample and ``base``
-    what lies below the lowest, all in metres.
+    what lies below the lowest, all in meters.
     """
 
     file: Path
@@ -206,7 +206,7 @@ class Rotation(Description):
 
 
 class Shape(Description):
-    """A surface of one kind, scaled, then turned, then moved ``at`` a place in the container (metres)."""
+    """A surface of one kind, scaled, then turned, then moved ``at`` a place in the container (meters)."""
 
     sphere: SphereShape | None = None
     box: BoxShape | None = None

@@ -2,15 +2,15 @@
 
 from surfsup.sdf.boxes import Boxes
 from surfsup.sdf.combine import Difference, Intersection, Union
-from surfsup.sdf.deepsdf import DeepSdf, DeepSdfSurface, load_deepsdf, save_deepsdf
 from surfsup.sdf.heightfield import Heightfield, load_heights
-from surfsup.sdf.mesh import MeshSurface
-from surfsup.sdf.mesh_file import MeshWarning, fit_mesh, load_mesh
-from surfsup.sdf.neural import NeuralSurface, standing
-from surfsup.sdf.polygonise import polygonise
+from surfsup.sdf.marching_cubes import polygonize
+from surfsup.sdf.mesh.mesh_file import MeshWarning, fit_mesh, load_mesh
+from surfsup.sdf.mesh.surface import MeshSurface
+from surfsup.sdf.neural.deepsdf import DeepSdf, DeepSdfSurface, load_deepsdf, save_deepsdf
+from surfsup.sdf.neural.shipped_surfaces import resolve, shipped_surfaces
+from surfsup.sdf.neural.siren import SirenSurface, load_siren, save_siren
+from surfsup.sdf.neural.surface import NeuralSurface, standing
 from surfsup.sdf.primitives import Box, CappedCone, Cylinder, Sphere, Torus
-from surfsup.sdf.shipped import resolve, shipped_surfaces
-from surfsup.sdf.siren import SirenSurface, load_siren, save_siren
 from surfsup.sdf.surface import Surface
 from surfsup.sdf.transform import Transformed, axis_rotation
 from surfsup.sdf.vessels import WALL, Bowl, Funnel
@@ -43,7 +43,7 @@ __all__ = [
     "load_heights",
     "load_mesh",
     "load_siren",
-    "polygonise",
+    "polygonize",
     "resolve",
     "save_deepsdf",
     "save_siren",

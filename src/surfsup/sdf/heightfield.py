@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from surfsup.errors import InputError
-from surfsup.sdf.mesh import MeshSurface
+from surfsup.sdf.mesh.surface import MeshSurface
 
 if TYPE_CHECKING:
     import trimesh
 
 ENDINGS = (".png", ".tif", ".tiff", ".npz", ".npy")
-GREY_MODES = ("L", "F", "I")  # as Pillow calls grey of 8 bits, of floats and of 32 bits; those of 16 begin with I;
+GRAY_MODES = ("L", "F", "I")  # as Pillow calls gray of 8 bits, of floats and of 32 bits; those of 16 begin with I;
 NODATA_TAG = 42113  # in which GDAL notes the value that stands for "not known"
 MOST_IN_FILE = 50_000_000  # samples that are read at all
 MOST_SAMPLES = 1_000_000  # that a surface is made of, two triangles each
@@ -26,11 +26,11 @@ ROUNDING = 1e-9
 def load_heights(path: str | Path) -> np.ndarray:
     """The heights (rows, columns) float64 in a file, in the file's own unit; row 0 is north.
 
-    A grey PNG of 8 or 16 bits, a GeoTIFF of one band, an NPY file, or an NPZ file with one two-dimensional array.
+    A gray PNG of 8 or 16 bits, a GeoTIFF of one band, an NPY file, or an NPZ file with one two-dimensional array.
     Coordinates that the file may hold are not read.
 
     Raises:
-        InputError: the file is missing, of another kind, damaged, in colour, too small or too large, or has holes.
+        InputError: the file is missing, of another kind, damaged, in color, too small or too large, or has holes.
     """
     path = Path(path)
     ending = path.suffix.lower()
@@ -62,18 +62,18 @@ def load_heights(path: str | Path) -> np.ndarray:
 
 
 def read_image(path: Path) -> np.ndarray:
-    """The samples of a grey image, float64; those that GDAL marked as not known are NaN.
+    """The samples of a gray image, float64; those that GDAL marked as not known are NaN.
 
     Raises:
-        InputError: it is in colour or too large.
+        InputError: it is in color or too large.
     """
     from PIL import Image
 
     Image.init()
     with Image.open(path) as image:
         check_count(path, image.size)
-        if image.mode not in GREY_MODES and not image.mode.startswith("I;"):
-            raise InputError(f"{path}: is no grey image (its mode is {image.mode}); give one whose grey is the height")
+        if image.mode not in GRAY_MODES and not image.mode.startswith("I;"):
+            raise InputError(f"{path}: is no gray image (its mode is {image.mode}); give one whose gray is the height")
         nodata = getattr(image, "tag_v2", {}).get(NODATA_TAG)
         samples = np.asarray(image)
     heights = samples.astype(np.float64)
@@ -116,16 +116,16 @@ def check_count(path: Path, shape: tuple[int, ...]) -> None:
 
 
 class Heightfield(MeshSurface):
-    """The solid between a terrain and z = 0, centred on x = y = 0: exact distance to its triangles.
+    """The solid between a terrain and z = 0, centered on x = y = 0: exact distance to its triangles.
 
     Every sample is a corner; column 0 lies in the west, at -x, and row 0 in the north, at +y. Only the side that a
     point is on is found otherwise than for other meshes: from the height below it, which takes a hundredth of the time.
 
     Args:
         heights: (rows, columns), any unit.
-        size: extent in metres along x and y.
-        height: metres from the lowest to the highest sample; where all are equal the terrain is a slab.
-        base: metres of solid below the lowest sample.
+        size: extent in meters along x and y.
+        height: meters from the lowest to the highest sample; where all are equal the terrain is a slab.
+        base: meters of solid below the lowest sample.
         source: what to call the heights in a complaint.
 
     Raises:
@@ -150,7 +150,7 @@ class Heightfield(MeshSurface):
         return self.side(points)[0]
 
     def side(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The same, and how many metres (N,) the surface can be from each: no more than it is straight up or down."""
+        """The same, and how many meters (N,) the surface can be from each: no more than it is straight up or down."""
         level, between = self.level_at(points)
         farthest = np.where(between, (1 + ROUNDING) * np.abs(points[:, 2] - level) + ROUNDING, np.inf)
         return between & (points[:, 2] > 0) & (points[:, 2] < level), farthest
@@ -181,7 +181,7 @@ class Heightfield(MeshSurface):
 
 
 def closed_mesh(levels: np.ndarray, size: tuple[float, float]) -> trimesh.Trimesh:
-    """The triangles of terrain, sides and floor, from ``levels`` (rows, columns) and ``size`` along x and y, metres."""
+    """The triangles of terrain, sides and floor, from ``levels`` (rows, columns) and ``size`` along x and y, meters."""
     import trimesh
 
     rows, columns = levels.shape

@@ -1,7 +1,7 @@
-"""Five solids with an exact distance in closed form, each centred on its own origin, its axis along z.
+"""Five solids with an exact distance in closed form, each centered on its own origin, its axis along z.
 
 The forms are those collected by Inigo Quilez ("Distance functions", the resource that section 5.1 of the
-SURFSUP supplement names). Sizes are metres; each may be a number or a tensor that records gradients and
+SURFSUP supplement names). Sizes are meters; each may be a number or a tensor that records gradients and
 keeps its precision. Distances come in the precision of the points.
 """
 
@@ -174,5 +174,5 @@ def positive(shape_name: str, name: str, value: object, shape: tuple[int, ...] =
     if not fine:
         wanted = "a positive number" if shape == () else f"{shape[0]} positive numbers"
         given = value.tolist() if isinstance(value, Tensor) else value
-        raise InputError(f"{shape_name}: {name} is {given!r}, but must be {wanted} of metres")
+        raise InputError(f"{shape_name}: {name} is {given!r}, but must be {wanted} of meters")
     return tensor

@@ -19,22 +19,22 @@ class Surface(nn.Module, ABC):
     """A solid given by its signed distance function, negative inside.
 
     A surface is a torch module, so that shape parameters move between devices with ``.to`` and
-    collect gradients. Lengths are metres. Where a subclass says that its value is only a bound,
+    collect gradients. Lengths are meters. Where a subclass says that its value is only a bound,
     the zero set and the sign are still exact and the value is never larger in size than the distance.
     """
 
     @abstractmethod
     def distance(self, points: Tensor) -> Tensor:
-        """Signed distance of ``points`` (N, 3) in metres, as (N,); negative inside the solid."""
+        """Signed distance of ``points`` (N, 3) in meters, as (N,); negative inside the solid."""
 
     @abstractmethod
     def bounds(self) -> Tensor:
-        """Lower and upper corner (2, 3) of an axis-aligned box that holds the solid, in metres."""
+        """Lower and upper corner (2, 3) of an axis-aligned box that holds the solid, in meters."""
 
     def distance_and_normal(self, points: Tensor) -> tuple[Tensor, Tensor]:
         """Signed distance (N,) and its unit gradient (N, 3), which points out of the solid.
 
-        The normal is zero where the distance has no gradient (the centre of a sphere). Both results are
+        The normal is zero where the distance has no gradient (the center of a sphere). Both results are
         differentiable in whatever records gradients: the points, the shape's parameters.
         """
         found = self.look_natively(points)
@@ -59,7 +59,9 @@ class Surface(nn.Module, ABC):
             return None
         points = points.detach().contiguous()
         distance, normal = points.new_empty(len(points)), torch.empty_like(points)
-        solid.look(points.numpy(), distance.numpy(), normal.numpy(), native.paths()[0], torch.get_num_threads())
+        solid.look(
+            points.numpy(), distance.numpy(), normal.numpy(), native.instruction_sets()[0], torch.get_num_threads()
+        )
         return distance, normal
 
     def distance_natively(self, points: Tensor) -> Tensor | None:
@@ -69,12 +71,12 @@ class Surface(nn.Module, ABC):
             return None
         points = points.detach().contiguous()
         distance = points.new_empty(len(points))
-        solid.look(points.numpy(), distance.numpy(), None, native.paths()[0], torch.get_num_threads())
+        solid.look(points.numpy(), distance.numpy(), None, native.instruction_sets()[0], torch.get_num_threads())
         return distance
 
     def native_solid_for(self, points: Tensor) -> native.Solid | None:
         """The native solid, where it may be asked about ``points``."""
-        if points.dtype != torch.float32 or points.device.type != "cpu" or not native.paths():
+        if points.dtype != torch.float32 or points.device.type != "cpu" or not native.instruction_sets():
             return None
         return None if self.is_recording(points) else self.native_solid()
 
@@ -101,7 +103,7 @@ class Surface(nn.Module, ABC):
         return True
 
     def to_mesh(self, resolution: int = 96) -> trimesh.Trimesh:
-        """Triangles of the surface in metres: its own where it has some, else marching cubes.
+        """Triangles of the surface in meters: its own where it has some, else marching cubes.
 
         Args:
             resolution: cells of marching cubes along the longest side.
@@ -109,9 +111,9 @@ class Surface(nn.Module, ABC):
         Raises:
             InputError: nothing of the solid is larger than a cell.
         """
-        from surfsup.sdf.polygonise import polygonise
+        from surfsup.sdf.marching_cubes import polygonize
 
-        return polygonise(self, resolution)
+        return polygonize(self, resolution)
 
     def forward(self, points: Tensor) -> Tensor:
         """The same as :meth:`distance`."""

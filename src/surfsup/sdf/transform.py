@@ -131,7 +131,7 @@ def place(translation: Sequence[float] | Tensor) -> Tensor:
     """
     offset = floating(translation)
     if tuple(offset.shape) != (3,) or not bool(torch.isfinite(offset).all()):
-        raise InputError(f"transform: translation is {offset.tolist()}, but must be 3 finite numbers of metres")
+        raise InputError(f"transform: translation is {offset.tolist()}, but must be 3 finite numbers of meters")
     return offset
 
 

@@ -1,9 +1,9 @@
-"""Two hollow solids with a wall, the bowl and the funnel, each hanging from the centre of its mouth.
+"""Two hollow solids with a wall, the bowl and the funnel, each hanging from the center of its mouth.
 
 They are what the design tasks of section 7 of the SURFSUP supplement shape by gradient: the capture radius r1 is
 that of the mouth, the filter radius r2 that of the hole below, both as wide as the water finds them. Each is a curve
 in the (radial, axial) half plane, thickened by half a wall to either side and revolved about z. Outside the distance
-is exact, inside the wall it is a bound. Sizes are metres, numbers or tensors that record gradients.
+is exact, inside the wall it is a bound. Sizes are meters, numbers or tensors that record gradients.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from surfsup.errors import InputError
 from surfsup.sdf.primitives import length, positive
 from surfsup.sdf.surface import Surface
 
-WALL = 0.04  # metres: with what particles keep on either side, more than the 0.07 m that the fastest move in a frame
+WALL = 0.04  # meters: with what particles keep on either side, more than the 0.07 m that the fastest move in a frame
 
 
 class Bowl(Surface):
@@ -41,13 +41,13 @@ class Bowl(Surface):
         """
         radial, axial = length(points[:, :2]), points[:, 2]
         middle = self.capture_radius + self.wall / 2
-        from_centre = length(points)
+        from_center = length(points)
         to_rim = length(torch.stack([radial - middle, axial], dim=-1)) - self.wall / 2
-        to_closed = torch.where(axial > 0, to_rim, (from_centre - middle).abs() - self.wall / 2)
+        to_closed = torch.where(axial > 0, to_rim, (from_center - middle).abs() - self.wall / 2)
 
         with torch.no_grad():
-            nearest = from_centre.clamp(self.capture_radius, self.capture_radius + self.wall)
-            radial_of_nearest = radial * nearest / from_centre.clamp(min=torch.finfo(points.dtype).tiny)
+            nearest = from_center.clamp(self.capture_radius, self.capture_radius + self.wall)
+            radial_of_nearest = radial * nearest / from_center.clamp(min=torch.finfo(points.dtype).tiny)
             taken_away = (axial <= 0) & (radial_of_nearest < self.filter_radius)
         below, above = self.hole_ends()
         beside = axial - torch.minimum(torch.maximum(axial, below), above)

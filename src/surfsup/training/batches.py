@@ -1,4 +1,4 @@
-"""The batches of a run, read ahead of the optimiser; each follows from the seed and the step that it begins at."""
+"""The batches of a run, read ahead of the optimizer; each follows from the seed and the step that it begins at."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from surfsup.training.config import TrainingConfig
 from surfsup.training.objectives import Batch
 from surfsup.training.run import Run
 
-READ_AHEAD = 8  # steps that reading is ahead of the optimiser
-EXAMPLES = 64  # windows that a new model's normalisations are measured on
+READ_AHEAD = 8  # steps that reading is ahead of the optimizer
+EXAMPLES = 64  # windows that a new model's normalizations are measured on
 UNDER_WAY = 16  # batches that take turns: other windows come between two losses of the same
 
 

@@ -13,12 +13,12 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, field_validator, model_validator
 
 from surfsup.errors import InputError
-from surfsup.model.kinds import KINDS
-from surfsup.model.learned_simulator import Sizes
-from surfsup.model.message_passing.architecture import SIZES
-from surfsup.model.message_passing.simulator import MessagePassingSimulator
-from surfsup.scene.complaints import one_line
-from surfsup.scene.text import parse_yaml
+from surfsup.learned.message_passing.architecture import SIZES
+from surfsup.learned.message_passing.simulator import MessagePassingSimulator
+from surfsup.learned.registry import KINDS
+from surfsup.scene.validation_message import one_line
+from surfsup.scene.yaml_text import parse_yaml
+from surfsup.sph.simulator import Sizes
 
 Count = Annotated[int, Field(ge=1)]
 Share = Annotated[float, Field(ge=0, le=1)]
@@ -45,7 +45,7 @@ class Phase(BaseModel):
             to loss until they have gone so far, without gradient from one to the next.
         unroll: steps that the loss is taken over, with gradient through all of them.
         starts: share of the windows that begin where their scene does, as every rollout; these get no noise.
-        noise: metres; largest spread of the noise on the first state.
+        noise: meters; largest spread of the noise on the first state.
         density: weight of the density term; the convolution has none.
         calm: weight of the term on small errors; only the convolution has one.
     """
@@ -65,15 +65,15 @@ class TrainingConfig(BaseModel):
     """One training run.
 
     Attributes:
-        kind: of simulator; one of ``surfsup.model.kinds.KINDS``.
+        kind: of simulator; one of ``surfsup.learned.registry.KINDS``.
         size: width and layers by name, 'paper' or 'small'; only the message-passing kinds have such.
         width, layers, radius, messages, history, stride, surface_particles: the architecture's; what is left out is as
             ``size`` says, else the kind's own default.
         batch: windows a step, over all processes.
-        steps: of the optimiser, over which the schedule runs.
+        steps: of the optimizer, over which the schedule runs.
         stop: step to stop at before the schedule ends; None runs it to its end.
         optimizer: Adam, or SOAP, which costs more a step and needs fewer.
-        learning_rate, final_learning_rate: of the optimiser, at the start and at the end.
+        learning_rate, final_learning_rate: of the optimizer, at the start and at the end.
         schedule: from one to the other by a cosine, or exponentially as the paper has it.
         warm_up: steps over which the learning rate rises.
         clip: the largest norm of the gradient; a longer one is shortened.

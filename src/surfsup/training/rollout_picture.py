@@ -8,17 +8,17 @@ import numpy as np
 import torch
 
 from surfsup.evaluation.rollout import while_sound
-from surfsup.model.learned_simulator import LearnedSimulator
-from surfsup.model.state import Surroundings
-from surfsup.pictures import renderer_of
-from surfsup.trajectory import Trajectory
+from surfsup.io.trajectory import Trajectory
+from surfsup.sph.simulator import Simulator
+from surfsup.sph.state import Environment
+from surfsup.viewing.trajectory_pictures import renderer_of
 
 MOMENTS = 3
 SIZE = (480, 360)  # pixels of each picture
 
 
 @torch.no_grad()
-def draw_rollout(model: LearnedSimulator, path: Path, frames: int) -> np.ndarray:
+def draw_rollout(model: Simulator, path: Path, frames: int) -> np.ndarray:
     """Three moments of what ``model`` makes of a start, and below them the truth, as (height, width, 3) uint8.
 
     Args:
@@ -33,9 +33,9 @@ def draw_rollout(model: LearnedSimulator, path: Path, frames: int) -> np.ndarray
     with Trajectory(path) as truth:
         frames = min(frames, len(truth))
         chosen = sorted({round(number * (frames - 1) / MOMENTS) for number in range(1, MOMENTS + 1)})
-        around = Surroundings.of(truth.scene, truth.scene.build_surface(), device)
+        environment = Environment.of(truth.scene, truth.scene.build_surface(), device)
         start, velocities = (torch.from_numpy(data[0]).to(device) for data in (truth.positions, truth.velocities))
-        rollout = model.rollout(model.start(start, velocities, around), around, frames)
+        rollout = model.rollout(model.start(start, velocities, environment), environment, frames)
         made = {}
         for number, (state, _) in enumerate(while_sound(rollout)):
             if number in chosen:

@@ -13,14 +13,14 @@ from pydantic import ValidationError
 from torch import Tensor
 
 from surfsup.errors import InputError
-from surfsup.model.kinds import KINDS
-from surfsup.model.learned_simulator import LearnedSimulator
-from surfsup.model.seen import Seen
-from surfsup.training.checkpoint import Checkpoint, CheckpointFiles
+from surfsup.learned.registry import KINDS
+from surfsup.learned.training_domain import TrainingDomain
+from surfsup.optim.checkpoint import Checkpoint, CheckpointFiles
+from surfsup.optim.soap import Soap
+from surfsup.sph.simulator import Simulator
 from surfsup.training.config import TrainingConfig
 from surfsup.training.devices import fabric_on
 from surfsup.training.objectives import Batch, objective_for
-from surfsup.training.soap import Soap
 
 if TYPE_CHECKING:
     from lightning_fabric import Fabric
@@ -32,7 +32,7 @@ class Run:
     Attributes:
         model: what is trained.
         average: its moving average, which is judged and kept.
-        objective: what is minimised; ``loss`` is the same, wrapped for the devices.
+        objective: what is minimized; ``loss`` is the same, wrapped for the devices.
         step: how many are done.
         judged: the step at which the last rollouts were.
         best: rank of the best weights so far.
@@ -56,7 +56,7 @@ class Run:
                 f"give batch={self.fabric.world_size} or a multiple"
             )
         torch.manual_seed(config.seed)
-        self.model: LearnedSimulator = KINDS[config.kind](config.architecture)
+        self.model: Simulator = KINDS[config.kind](config.architecture)
         self.average = deepcopy(self.model).requires_grad_(False).to(self.fabric.device)
         self.objective = objective_for(self.model, config)
         optimizer = optimizer_of(config, self.model)
@@ -65,12 +65,12 @@ class Run:
         self.step = self.judged = 0
         self.best = math.inf
         self.seconds = 0.0
-        self.seen: Seen | None = None
+        self.seen: TrainingDomain | None = None
         self.untouched = True
         self.under_way: dict[int, Batch] = {}
         self.stood: dict[int, list[dict[str, Tensor]]] = {}
 
-    def start_from(self, simulator: LearnedSimulator) -> None:
+    def start_from(self, simulator: Simulator) -> None:
         """Begin with the weights of a trained simulator instead of random ones.
 
         Raises:
@@ -147,11 +147,11 @@ class Run:
         self.plain_optimizer.load_state_dict({"state": states, "param_groups": groups})
         self.step, self.judged = counters["step"], counters["judged"]
         self.best, self.seconds = counters["best"], counters["seconds"]
-        self.seen = None if counters["seen"] is None else Seen.from_json(counters["seen"])
+        self.seen = None if counters["seen"] is None else TrainingDomain.from_json(counters["seen"])
         self.untouched = False
 
     @classmethod
-    def average_of(cls, folder: Path) -> LearnedSimulator:
+    def average_of(cls, folder: Path) -> Simulator:
         """The averaged weights in the checkpoint of a run, whether or not they ever were its best.
 
         Raises:
@@ -169,12 +169,12 @@ class Run:
 
     @property
     def plain_optimizer(self) -> torch.optim.Optimizer:
-        """The optimiser without its wrapping."""
+        """The optimizer without its wrapping."""
         return self.optimizer.optimizer
 
 
-def optimizer_of(config: TrainingConfig, model: LearnedSimulator) -> torch.optim.Optimizer:
-    """The optimiser of a run, for all weights of its model."""
+def optimizer_of(config: TrainingConfig, model: Simulator) -> torch.optim.Optimizer:
+    """The optimizer of a run, for all weights of its model."""
     if config.optimizer == "soap":
         return Soap(model.parameters(), lr=config.learning_rate)
     return torch.optim.Adam(model.parameters(), lr=config.learning_rate, fused=True)

@@ -1,4 +1,4 @@
-"""One step of training: the loss of a batch, its gradient, the optimiser."""
+"""One step of training: the loss of a batch, its gradient, the optimizer."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import torch
 
 from surfsup.errors import SimulationError
+from surfsup.optim.schedule import learning_rate
 from surfsup.training.objectives import Batch
 from surfsup.training.run import Run
-from surfsup.training.schedule import learning_rate
 
 
 class NotANumber(SimulationError):
@@ -34,7 +34,7 @@ class StepReport:
 
 
 def take_step(run: Run, batch: Batch) -> StepReport:
-    """One step of the optimiser and of the average.
+    """One step of the optimizer and of the average.
 
     Raises:
         NotANumber: the loss or its gradient is not finite; the weights are as they were.

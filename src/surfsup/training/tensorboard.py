@@ -13,7 +13,7 @@ import numpy as np
 from torch.utils.tensorboard import SummaryWriter
 
 from surfsup.errors import InputError
-from surfsup.evaluation.judge import Scores, first_trajectories
+from surfsup.evaluation.validation_scores import Scores, first_trajectories
 from surfsup.training.rollout_picture import draw_rollout
 from surfsup.training.run import Run
 from surfsup.training.step import StepReport

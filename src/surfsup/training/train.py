@@ -12,13 +12,13 @@ from typing import Protocol
 import torch
 
 from surfsup.datasets.windows import WindowSource
-from surfsup.evaluation.judge import Scores
-from surfsup.model.seen import Seen
+from surfsup.evaluation.validation_scores import Scores
+from surfsup.learned.training_domain import TrainingDomain
 from surfsup.training.batches import Batches, prepare
-from surfsup.training.judging import check_validation, keep_the_best
 from surfsup.training.objectives import Batch
 from surfsup.training.run import Run
 from surfsup.training.step import NotANumber, StepReport, take_step
+from surfsup.training.validation import check_validation, keep_the_best
 
 SAVE_EVERY = 300.0  # seconds: what a kill loses at most
 
@@ -125,11 +125,11 @@ def judge_if_due(run: Run, validation: Path, loss: float, stop: Callable[[], boo
     return scores
 
 
-def with_batch(seen: Seen | None, batch: Batch) -> Seen:
+def with_batch(seen: TrainingDomain | None, batch: Batch) -> TrainingDomain:
     """What was seen before and in the windows of a batch."""
     for window in batch.windows:
         fastest = float(window.velocities.square().sum(dim=-1).max().sqrt())
-        own = Seen.of(window.scene, window.positions.shape[1], fastest)
+        own = TrainingDomain.of(window.scene, window.positions.shape[1], fastest)
         seen = own if seen is None else seen.joined(own)
     return seen
 

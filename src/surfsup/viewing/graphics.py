@@ -61,7 +61,7 @@ def _display_starts(egl: ctypes.CDLL) -> bool:
     """Whether any EGL display starts: first the default one, then each device, in the order in which VTK
     tries them.
 
-    Displays are left initialised: ending one would end it for everything else in this process as well.
+    Displays are left initialized: ending one would end it for everything else in this process as well.
     """
     egl.eglGetDisplay.restype = ctypes.c_void_p
     egl.eglGetDisplay.argtypes = [ctypes.c_void_p]

@@ -1,4 +1,4 @@
-"""The studio's light: a sun, a sky that brightens upwards and what they do to a point; all in linear colour,
+"""The studio's light: a sun, a sky that brightens upwards and what they do to a point; all in linear color,
 white is 1.
 """
 
@@ -6,10 +6,10 @@ import numpy as np
 
 SUN = np.array([-0.45, -0.42, 0.79])  # towards the sun; behind the camera's left shoulder
 SUN /= np.linalg.norm(SUN)
-SUN_COLOUR = np.array([1.0, 0.94, 0.84], np.float32) * 1.0
+SUN_COLOR = np.array([1.0, 0.94, 0.84], np.float32) * 1.0
 SKY_ZENITH = np.array([0.56, 0.68, 0.86], np.float32)
 SKY_HORIZON = np.array([0.93, 0.95, 0.97], np.float32)
-GROUND = np.array([0.80, 0.81, 0.82], np.float32)  # the share of light, by colour, that the floor gives back
+GROUND = np.array([0.80, 0.81, 0.82], np.float32)  # the share of light, by color, that the floor gives back
 _SUN_RADIUS = 0.09  # radians; wider than the real one's, for soft shadows
 
 

@@ -1,4 +1,4 @@
-"""Triangles to pixels: VTK draws colour and depth off screen and nothing else; light is computed from these
+"""Triangles to pixels: VTK draws color and depth off screen and nothing else; light is computed from these
 in NumPy.
 """
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 _BACKGROUND = 0.9999999  # depth buffer values from here on are empty
 
 
-class Rasteriser:
+class Rasterizer:
     """An off-screen window of `size` (width, height) pixels that draws one triangle mesh at a time.
 
     Raises InputError where this machine cannot draw off screen.
@@ -31,14 +31,14 @@ class Rasteriser:
         self._size = size
 
     def perspective(self, camera: Camera, near: float, far: float) -> None:
-        """Look through `camera`; nothing nearer than `near` or farther than `far` (metres) is drawn."""
+        """Look through `camera`; nothing nearer than `near` or farther than `far` (meters) is drawn."""
         vtk_camera = self._plotter.camera
         vtk_camera.SetParallelProjection(False)
         vtk_camera.SetViewAngle(FIELD_OF_VIEW)
         self._aim(camera.eye, camera.target, near, far)
 
     def parallel(self, direction: np.ndarray, target: np.ndarray, half_height: float) -> np.ndarray:
-        """Look along `direction` (3,) at `target` (3,), in parallel, at `half_height` metres above and below
+        """Look along `direction` (3,) at `target` (3,), in parallel, at `half_height` meters above and below
         it.
 
         Returns the rows right, up and forward (3, 3) of that view.
@@ -61,14 +61,14 @@ class Rasteriser:
         camera.SetClippingRange(near, far)
         self._range = (near, far)
 
-    def hold(self, mesh: "pyvista.PolyData", colours: np.ndarray | None = None) -> None:
-        """Draw `mesh` from now on, in vertex `colours` (N, 3) uint8, as they are: without light."""
+    def hold(self, mesh: "pyvista.PolyData", colors: np.ndarray | None = None) -> None:
+        """Draw `mesh` from now on, in vertex `colors` (N, 3) uint8, as they are: without light."""
         self._plotter.clear_actors()
         if mesh.n_points:
-            mesh.point_data["colours"] = colours if colours is not None else np.zeros((mesh.n_points, 3), np.uint8)
+            mesh.point_data["colors"] = colors if colors is not None else np.zeros((mesh.n_points, 3), np.uint8)
             self._plotter.add_mesh(
                 mesh,
-                scalars="colours",
+                scalars="colors",
                 rgb=True,
                 lighting=False,
                 copy_mesh=False,
@@ -78,7 +78,7 @@ class Rasteriser:
             )
 
     def depth(self) -> np.ndarray:
-        """Distance along the view (height, width) float32 in metres; infinite where nothing is."""
+        """Distance along the view (height, width) float32 in meters; infinite where nothing is."""
         from vtkmodules.util.numpy_support import vtk_to_numpy
         from vtkmodules.vtkCommonCore import vtkFloatArray
 
@@ -89,13 +89,13 @@ class Rasteriser:
         z = vtk_to_numpy(buffer).reshape(height, width)[::-1]
         near, far = self._range
         if self._plotter.camera.GetParallelProjection():
-            metres = near + z * (far - near)
+            meters = near + z * (far - near)
         else:
-            metres = near * far / (far - z * (far - near))
-        return np.where(z < _BACKGROUND, metres, np.float32(np.inf)).astype(np.float32)
+            meters = near * far / (far - z * (far - near))
+        return np.where(z < _BACKGROUND, meters, np.float32(np.inf)).astype(np.float32)
 
-    def colour(self) -> np.ndarray:
-        """The colours (height, width, 3) uint8 of what was drawn by the last call of `depth`."""
+    def color(self) -> np.ndarray:
+        """The colors (height, width, 3) uint8 of what was drawn by the last call of `depth`."""
         from vtkmodules.util.numpy_support import vtk_to_numpy
         from vtkmodules.vtkCommonCore import vtkUnsignedCharArray
 

@@ -5,21 +5,21 @@ import trimesh
 
 from surfsup.viewing import light
 from surfsup.viewing.camera import Camera, frame_camera
-from surfsup.viewing.raster import Rasteriser
+from surfsup.viewing.raster import Rasterizer
 from surfsup.viewing.stage import Stage, view_range
 from surfsup.viewing.water import shade, sun_axes, sunlight, thickness, water_surface
 
 _FINE = 2  # everything is drawn twice as large and averaged, which smooths its edges
-_EDGE_COLOUR = np.array([0.30, 0.36, 0.42], np.float32)
+_EDGE_COLOR = np.array([0.30, 0.36, 0.42], np.float32)
 _EDGE_STRENGTH = 0.55
 
 
 class FrameRenderer:
     """Draws frames of one scene, all with the same light and camera.
 
-    solid: the mesh that the water meets, in metres, or None.
-    container_size: (x, y, z) in metres; x and y are centred on 0, the floor is z = 0.
-    particle_radius: half the particles' spacing, metres.
+    solid: the mesh that the water meets, in meters, or None.
+    container_size: (x, y, z) in meters; x and y are centered on 0, the floor is z = 0.
+    particle_radius: half the particles' spacing, meters.
     focus: points (N, 3) that should be in view beside solid and floor, for instance the first frame; or None.
     size: (width, height) of the picture in pixels.
 
@@ -38,7 +38,7 @@ class FrameRenderer:
         fine = (size[0] * _FINE, size[1] * _FINE)
         bounds = np.asarray(solid.bounds) if solid is not None else None
         self._camera = frame_camera(container_size, bounds, focus, fine)
-        self._raster = Rasteriser(fine)
+        self._raster = Rasterizer(fine)
         self._stage = Stage(solid, self._camera, self._raster)
         self._rays = self._camera.rays()
         self._edges = _container_edges(container_size, self._camera)
@@ -53,7 +53,7 @@ class FrameRenderer:
         self._raster.perspective(self._camera, *view_range(self._camera))
 
     def image(self, positions: np.ndarray) -> np.ndarray:
-        """The picture (height, width, 3) uint8 of particles at `positions` (N, 3), metres."""
+        """The picture (height, width, 3) uint8 of particles at `positions` (N, 3), meters."""
         positions = np.asarray(positions, np.float32)
         positions = positions[np.isfinite(positions).all(1)]  # a broken rollout is still worth a look
         picture, depth = self._stage.light.copy(), self._stage.depth
@@ -70,12 +70,12 @@ class FrameRenderer:
         return light.to_display(small)
 
     def _add_water(self, surface: object, positions: np.ndarray, behind: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        # A vertex of degenerate triangles only has no normal; any colour does, it covers no pixel.
+        # A vertex of degenerate triangles only has no normal; any color does, it covers no pixel.
         facing = np.nan_to_num(surface.point_data["Normals"])
         self._raster.hold(surface, (facing * 127.5 + 128.0).astype(np.uint8))
         depth = self._raster.depth()
         rows, columns = np.nonzero(depth < self._stage.depth)
-        normals = self._raster.colour()[rows, columns].astype(np.float32) / 127.5 - 1.0
+        normals = self._raster.color()[rows, columns].astype(np.float32) / 127.5 - 1.0
         normals /= np.linalg.norm(normals, axis=1, keepdims=True)
         water = thickness(positions, self._radius, self._camera, self._stage.depth)[rows, columns]
         picture = behind.copy()
@@ -127,4 +127,4 @@ def _draw_edges(
     rows, columns, edge_depth, strength = edges
     front = edge_depth < depth[rows, columns] + 0.01  # the floor's own edges lie in the floor
     rows, columns, strength = rows[front], columns[front], strength[front, None]
-    picture[rows, columns] += strength * (_EDGE_COLOUR - picture[rows, columns])
+    picture[rows, columns] += strength * (_EDGE_COLOR - picture[rows, columns])

@@ -16,12 +16,12 @@ from PIL import Image
 from surfsup.viewing.render import FrameRenderer
 
 SIZE = (640, 480)  # pixels of a picture
-EXTENT = 0.8  # metres: what the cube of side 2 is drawn as
-ROOM = (1.0, 1.0, 1.0)  # metres: the container around it
+EXTENT = 0.8  # meters: what the cube of side 2 is drawn as
+ROOM = (1.0, 1.0, 1.0)  # meters: the container around it
 JPEG_QUALITY = 88
 STRIP_SCALE = 2  # pictures of the strip are so many times smaller
 NO_WATER = np.zeros((0, 3), np.float32)
-SPACING = 0.015  # metres; there is no water to draw
+SPACING = 0.015  # meters; there is no water to draw
 
 
 def picture_of_solid(mesh: trimesh.Trimesh | None) -> np.ndarray:

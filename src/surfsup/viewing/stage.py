@@ -15,7 +15,7 @@ from scipy.ndimage import map_coordinates
 
 from surfsup.viewing import light
 from surfsup.viewing.camera import Camera
-from surfsup.viewing.raster import Rasteriser
+from surfsup.viewing.raster import Rasterizer
 
 if TYPE_CHECKING:
     import pyvista
@@ -27,39 +27,39 @@ _SKY_SHARE = 0.55
 _SUN_SHARE = 0.72
 _BOUNCE_SHARE = 0.30
 _SHADOW_MAP = (800, 800)  # pixels
-_EDGE = 0.02  # metres; triangles are split until their edges are shorter, so that a shadow may end inside one
+_EDGE = 0.02  # meters; triangles are split until their edges are shorter, so that a shadow may end inside one
 _MOST_FACES = 400_000
-_FLOOR_REACH = 1.4  # metres from the centre, beyond which no shadow of a solid of the usual size falls
-_FLOOR_MARGIN = 0.4  # metres around a larger one
+_FLOOR_REACH = 1.4  # meters from the center, beyond which no shadow of a solid of the usual size falls
+_FLOOR_MARGIN = 0.4  # meters around a larger one
 _FLOOR_CELLS = 320
-_BIAS = 0.006  # metres; a surface must not shade itself
+_BIAS = 0.006  # meters; a surface must not shade itself
 
 
 class Stage:
     """The picture without water, as `camera` sees it.
 
-    light: (H, W, 3) float32, linear colour.
-    depth: (H, W) float32, metres along the view, infinite in the backdrop.
+    light: (H, W, 3) float32, linear color.
+    depth: (H, W) float32, meters along the view, infinite in the backdrop.
     """
 
-    def __init__(self, solid: trimesh.Trimesh | None, camera: Camera, raster: Rasteriser) -> None:
+    def __init__(self, solid: trimesh.Trimesh | None, camera: Camera, raster: Rasterizer) -> None:
         mesh = _fine_mesh(solid) if solid is not None else None
         shadows = _Shadows(mesh) if mesh is not None else None
         self.light, self.depth = _floor(camera, shadows)
         if mesh is None:
             return
         normals = np.asarray(mesh.point_data["Normals"])
-        colours = light.to_display(SOLID * shadows.irradiance(np.asarray(mesh.points), normals))
+        colors = light.to_display(SOLID * shadows.irradiance(np.asarray(mesh.points), normals))
         raster.perspective(camera, *view_range(camera))
-        raster.hold(mesh, colours)
+        raster.hold(mesh, colors)
         depth = raster.depth()
         seen = depth < self.depth
-        self.light[seen] = light.FROM_DISPLAY[raster.colour()[seen]]
+        self.light[seen] = light.FROM_DISPLAY[raster.color()[seen]]
         self.depth[seen] = depth[seen]
 
 
 def view_range(camera: Camera) -> tuple[float, float]:
-    """Nearest and farthest distance (metres) worth drawing: everything within a few metres of what is
+    """Nearest and farthest distance (meters) worth drawing: everything within a few meters of what is
     looked at.
     """
     distance = float(np.linalg.norm(camera.target - camera.eye))
@@ -91,26 +91,26 @@ class _Shadows:
     """How much light reaches a point past one solid."""
 
     def __init__(self, mesh: "pyvista.PolyData") -> None:
-        raster = Rasteriser(_SHADOW_MAP)
+        raster = Rasterizer(_SHADOW_MAP)
         low, high = np.array(mesh.bounds)[0::2], np.array(mesh.bounds)[1::2]
-        centre, half = (low + high) / 2, float(np.linalg.norm(high - low)) / 2 * 1.02
+        center, half = (low + high) / 2, float(np.linalg.norm(high - low)) / 2 * 1.02
         raster.hold(mesh)
         sky, sun = light.sky_directions(_SKY_SAMPLES), light.sun_directions(_SUN_SAMPLES)
-        colours = [
+        colors = [
             *(light.sky_dome(sky) * (2.0 * _SKY_SHARE / _SKY_SAMPLES)),
-            *np.tile(light.SUN_COLOUR * (_SUN_SHARE / _SUN_SAMPLES), (_SUN_SAMPLES, 1)),
+            *np.tile(light.SUN_COLOR * (_SUN_SHARE / _SUN_SAMPLES), (_SUN_SAMPLES, 1)),
         ]
         self._maps = []
-        for direction, colour in zip(np.concatenate([sky, sun]).astype(np.float32), colours, strict=True):
-            axes = raster.parallel(-direction, centre, half).astype(np.float32)
-            self._maps.append((direction, axes, raster.depth(), colour))
+        for direction, color in zip(np.concatenate([sky, sun]).astype(np.float32), colors, strict=True):
+            axes = raster.parallel(-direction, center, half).astype(np.float32)
+            self._maps.append((direction, axes, raster.depth(), color))
         raster.close()
-        self._centre, self._half = centre.astype(np.float32), np.float32(half)
+        self._center, self._half = center.astype(np.float32), np.float32(half)
 
     @property
     def reach(self) -> float:
-        """How far from the centre of the floor its shadows may fall, metres."""
-        return max(_FLOOR_REACH, float(np.abs(self._centre[:2]).max() + self._half) + _FLOOR_MARGIN)
+        """How far from the center of the floor its shadows may fall, meters."""
+        return max(_FLOOR_REACH, float(np.abs(self._center[:2]).max() + self._half) + _FLOOR_MARGIN)
 
     def irradiance(self, points: np.ndarray, normals: np.ndarray) -> np.ndarray:
         """Light (N, 3) on a white surface at `points` (N, 3) with unit `normals` (N, 3)."""
@@ -120,16 +120,16 @@ class _Shadows:
         # the solid's own shadow.
         bounce = (0.5 - 0.5 * normals[:, 2:]) * (0.35 + 0.65 * np.clip(points[:, 2:] / 0.4, 0.0, 1.0))
         total = (_BOUNCE_SHARE * bounce * light.GROUND).astype(np.float32)
-        for direction, axes, depth, colour in self._maps:
+        for direction, axes, depth, color in self._maps:
             facing = normals @ direction
             turned = np.flatnonzero(facing > 0)
             lit = turned[self._visible(points[turned], axes, depth)]
-            total[lit] += facing[lit, None] * colour
+            total[lit] += facing[lit, None] * color
         return total
 
     def _visible(self, points: np.ndarray, axes: np.ndarray, depth: np.ndarray) -> np.ndarray:
         height, width = depth.shape
-        local = (points - self._centre) @ axes.T
+        local = (points - self._center) @ axes.T
         scale = np.float32(height / 2) / self._half
         x = (local[:, 0] * scale + width / 2).astype(np.int32)
         y = (height / 2 - local[:, 1] * scale).astype(np.int32)

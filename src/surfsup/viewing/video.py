@@ -63,7 +63,7 @@ def _encode(
     with av.open(str(path), "w", format="mp4", options={"movflags": "faststart"}) as container:
         stream = None
         for done, image in enumerate(images, start=1):
-            # yuv420p halves the colours' resolution and so needs even sides
+            # yuv420p halves the colors' resolution and so needs even sides
             image = np.ascontiguousarray(image[: image.shape[0] // 2 * 2, : image.shape[1] // 2 * 2])
             height, width = image.shape[:2]
             if stream is None:

@@ -32,20 +32,20 @@ def write_page(
     frame_time: float = 0.005,
     progress: Callable[[int, int], None] | None = None,
 ) -> None:
-    """Write the page that plays `positions` (F, N, 3), metres, one frame every `frame_time` seconds, at
+    """Write the page that plays `positions` (F, N, 3), meters, one frame every `frame_time` seconds, at
     `path`.
 
     Frames are left out, evenly, until the page is of a size to be sent (the page moves particles smoothly
     between those that it has), and of very many particles an even choice is shown. Positions are rounded to
-    1/65535 of their extent, 0.03 mm in two metres. `container_size` is (x, y, z) in metres, x and y centred
-    on 0, the floor at z = 0; `particle_radius` in metres. `progress(done, total)` is called as frames are
+    1/65535 of their extent, 0.03 mm in two meters. `container_size` is (x, y, z) in meters, x and y centered
+    on 0, the floor at z = 0; `particle_radius` in meters. `progress(done, total)` is called as frames are
     packed. Raises ValueError if `positions` has another shape or no frame.
     """
     positions = np.asarray(positions)
     if positions.ndim != 3 or positions.shape[2] != 3 or 0 in positions.shape:
         raise ValueError(f"positions must be (frames, particles, 3), none of them 0; they are {positions.shape}")
     positions, stride = _thin(positions)
-    packed, low, extent = _quantise(positions, progress)
+    packed, low, extent = _quantize(positions, progress)
     mesh = _light_mesh(solid) if solid is not None else trimesh.Trimesh()
     bounds = np.asarray(mesh.bounds) if len(mesh.faces) else None
     camera = frame_camera(container_size, bounds, positions[0], _VIEW)
@@ -87,7 +87,7 @@ def _thin(positions: np.ndarray) -> tuple[np.ndarray, int]:
     return positions[::stride], stride
 
 
-def _quantise(
+def _quantize(
     positions: np.ndarray, progress: Callable[[int, int], None] | None
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """16-bit differences from frame to frame (F, N, 3), modulo 2**16, and the corner (3,) and extent (3,)

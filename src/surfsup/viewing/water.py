@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     import pysplashsurf
     import pyvista
 
-ABSORPTION = np.array([15.0, 4.8, 2.3], np.float32)  # a metre; far more than water's, for the scene is a metre wide
+ABSORPTION = np.array([15.0, 4.8, 2.3], np.float32)  # a meter; far more than water's, for the scene is a meter wide
 BODY = np.array([0.05, 0.30, 0.50], np.float32)  # what thick water scatters back
 _REFRACTION = 0.35  # how far (share of the depth of water) a ray is bent aside
 _REFLECTANCE = 0.02  # of water seen straight on
@@ -31,7 +31,7 @@ _COARSE = 4  # pixels; thickness is smooth, so it is gathered on a coarser grid
 def water_surface(positions: np.ndarray, particle_radius: float) -> "pyvista.PolyData":
     """A closed smooth mesh around particles (N, 3), by pysplashsurf, with unit vertex normals as `Normals`.
 
-    `particle_radius` is in metres, half the particles' spacing. Empty where there are no particles.
+    `particle_radius` is in meters, half the particles' spacing. Empty where there are no particles.
 
     Raises:
         SimulationError: pysplashsurf finds no surface around these particles.
@@ -71,7 +71,7 @@ def reconstruct(positions: np.ndarray, particle_radius: float) -> "pysplashsurf.
 
 
 def thickness(positions: np.ndarray, particle_radius: float, camera: Camera, behind: np.ndarray) -> np.ndarray:
-    """Metres of water (H, W) that each pixel of `camera` looks through, in front of the depth `behind`
+    """Meters of water (H, W) that each pixel of `camera` looks through, in front of the depth `behind`
     (H, W).
     """
     width, height = camera.size
@@ -81,12 +81,12 @@ def thickness(positions: np.ndarray, particle_radius: float, camera: Camera, beh
     seen = (column >= 0) & (column < width // _COARSE) & (row >= 0) & (row < height // _COARSE)
     column, row, depth = column[seen], row[seen], depth[seen]
     front = depth < behind[row * _COARSE, column * _COARSE] + 2 * particle_radius
-    a_cell = (depth[front] * _COARSE / camera.pixels_a_metre) ** 2
+    a_cell = (depth[front] * _COARSE / camera.pixels_a_meter) ** 2
     water = np.zeros((height // _COARSE, width // _COARSE), np.float32)
     np.add.at(water, (row[front], column[front]), (2 * particle_radius) ** 3 / a_cell)
     if not front.any():
         return np.zeros((height, width), np.float32)
-    blur = 1.3 * particle_radius * camera.pixels_a_metre / float(depth[front].mean()) / _COARSE
+    blur = 1.3 * particle_radius * camera.pixels_a_meter / float(depth[front].mean()) / _COARSE
     return zoom(gaussian_filter(water, blur), _COARSE, order=1, grid_mode=True, mode="nearest")
 
 
@@ -97,7 +97,7 @@ def shade(
     """Light (M, 3) of M pixels of water at `rows`, `columns` (M,).
 
     `normals` (M, 3) unit and outwards, `rays` (M, 3) of the camera, `depth` (M,) and `water` (M,), its
-    thickness, in metres; `behind` (H, W, 3) and `behind_depth` (H, W): the picture without water.
+    thickness, in meters; `behind` (H, W, 3) and `behind_depth` (H, W): the picture without water.
     """
     view = -rays / np.linalg.norm(rays, axis=1, keepdims=True)
     facing = np.einsum("ij,ij->i", normals, view)
@@ -107,7 +107,7 @@ def shade(
     # Refraction: look at what lies aside, unless that stands in front of the water.
     height, width = behind_depth.shape
     right, up, _ = camera.axes.astype(np.float32)
-    bend = _REFRACTION * np.clip(water, 0.02, 0.2) * np.float32(camera.pixels_a_metre) / depth
+    bend = _REFRACTION * np.clip(water, 0.02, 0.2) * np.float32(camera.pixels_a_meter) / depth
     aside_column = np.clip(columns - (bend * (normals @ right)).astype(np.int32), 0, width - 1)
     aside_row = np.clip(rows + (bend * (normals @ up)).astype(np.int32), 0, height - 1)
     fits = behind_depth[aside_row, aside_column] > depth
@@ -119,7 +119,7 @@ def shade(
     fresnel = (_REFLECTANCE + (1 - _REFLECTANCE) * (1.0 - facing) ** 5)[:, None]
     reflected = 2.0 * facing[:, None] * normals - view
     glint = np.clip(reflected @ light.SUN.astype(np.float32), 0.0, 1.0) ** 160
-    return body * (1.0 - fresnel) + light.surroundings(reflected) * fresnel + 0.55 * glint[:, None] * light.SUN_COLOUR
+    return body * (1.0 - fresnel) + light.surroundings(reflected) * fresnel + 0.55 * glint[:, None] * light.SUN_COLOR
 
 
 def sun_axes() -> np.ndarray:
@@ -132,7 +132,7 @@ def sun_axes() -> np.ndarray:
 def sunlight(positions: np.ndarray, particle_radius: float, along: np.ndarray) -> np.ndarray:
     """The share (M,), in (0.6, 1], of their light that points still get past the water before the sun.
 
-    `along` (M, 3) are the points, metres, in the axes of `sun_axes`: they stand still, so that is done once.
+    `along` (M, 3) are the points, meters, in the axes of `sun_axes`: they stand still, so that is done once.
     """
     if len(positions) == 0:
         return np.ones(len(along), np.float32)

@@ -38,7 +38,7 @@ def assert_sound(scene: Scene, particles: tuple[int, int], folder: Path = Path()
 
 
 def points_on_walls(scene: Scene, beyond: float = 1e-3, count: int = 40) -> torch.Tensor:
-    """A lattice (N, 3) on floor, walls and ceiling, ``beyond`` metres outside."""
+    """A lattice (N, 3) on floor, walls and ceiling, ``beyond`` meters outside."""
     lower, upper = np.array(scene.container.lower), np.array(scene.container.upper)
     share = np.stack(np.meshgrid(*[np.linspace(0, 1, count)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
     share = share[((share == 0) | (share == 1)).any(axis=1)]

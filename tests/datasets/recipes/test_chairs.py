@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 import trimesh
 
-from surfsup.datasets.carpentry import THINNEST, chair
+from surfsup.datasets.procedural.chairs import THINNEST, chair
 from surfsup.datasets.recipes import RECIPES
 from surfsup.datasets.recipes.mesh_files import UnusableMesh
 from surfsup.errors import InputError
 from surfsup.scene import Shape
-from surfsup.sdf import polygonise
+from surfsup.sdf import polygonize
 from tests.datasets.recipes.drawn import assert_sound, draw, scenes
 
 SCENES = scenes("chairs", 60)
@@ -27,7 +27,7 @@ def test_every_scene_is_sound(index):
 @pytest.mark.parametrize("seed", range(25))
 def test_a_chair_is_one_solid_that_stands_on_the_floor(seed):
     solid = chair(np.random.default_rng(seed)).surface()
-    mesh = polygonise(solid, 80)
+    mesh = polygonize(solid, 80)
     assert mesh.body_count == 1
     assert mesh.bounds[0, 2] == pytest.approx(0, abs=1e-3)
     assert mesh.bounds[1, 2] < 1.15

@@ -46,7 +46,7 @@ def test_the_default_is_matplotlibs_elevations(tmp_path):
     assert scenes[0].container.size == (3.0, 3.0, 2.0)
     heights = np.load(tmp_path / "surfaces" / "mountain.npy")
     assert heights.shape == (150, 150)
-    assert 250 < heights.min() < heights.max() < 1100  # metres above the sea
+    assert 250 < heights.min() < heights.max() < 1100  # meters above the sea
     assert_sound(scenes[0], PARTICLES, tmp_path)
 
 

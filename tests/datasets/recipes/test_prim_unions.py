@@ -5,7 +5,7 @@ import pytest
 
 from surfsup.datasets.recipes.prim_unions import HIGHEST, SINK, seat
 from surfsup.datasets.recipes.support import extent
-from surfsup.sdf import polygonise
+from surfsup.sdf import polygonize
 from tests.datasets.recipes.drawn import assert_sound, scenes
 
 SCENES = scenes("prim-unions", 40)
@@ -35,7 +35,7 @@ def test_the_upper_shape_reaches_into_the_base_and_no_deeper(index):
 
 @pytest.mark.parametrize("index", range(10))
 def test_the_two_are_one_solid_on_the_floor(index):
-    mesh = polygonise(SCENES[index].build_surface(), 64)
+    mesh = polygonize(SCENES[index].build_surface(), 64)
     assert mesh.body_count == 1
     assert mesh.bounds[0, 2] == pytest.approx(0, abs=0.01)
 

@@ -6,7 +6,7 @@ import pytest
 from surfsup.datasets.recipes.prim_shapes import SHAPES, turned
 from surfsup.datasets.recipes.support import extent, lowest_point, support
 from surfsup.scene import Shape
-from surfsup.sdf import polygonise
+from surfsup.sdf import polygonize
 
 
 @pytest.mark.parametrize("kind", SHAPES)
@@ -14,7 +14,7 @@ from surfsup.sdf import polygonise
 def test_the_extent_is_that_of_a_fine_mesh(kind, seed):
     random = np.random.default_rng(seed)
     shape = turned(kind(random), random).model_copy(update={"scale": 0.7, "at": (0.1, -0.2, 0.3)})
-    mesh = polygonise(shape.surface(), 100)  # which cuts corners off
+    mesh = polygonize(shape.surface(), 100)  # which cuts corners off
     lower, upper = extent(shape)
     assert (lower <= mesh.bounds[0] + 1e-5).all()
     assert (upper >= mesh.bounds[1] - 1e-5).all()

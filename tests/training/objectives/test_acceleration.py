@@ -5,8 +5,8 @@ import pytest
 import torch
 
 from surfsup.datasets.windows import Window, Windows
-from surfsup.model.message_passing.history import History
-from surfsup.model.neighbours import neighbourhood
+from surfsup.learned.message_passing.history import History
+from surfsup.sph.neighbor_search import find_neighbors
 from surfsup.training.batches import EXAMPLES, prepare, read_batch
 from surfsup.training.config import Phase
 from surfsup.training.objectives import Batch
@@ -24,7 +24,7 @@ def run(request, tmp_path) -> Run:
     return Run(message_passing("surfsup", stride=request.param), tmp_path)
 
 
-def test_the_loss_is_the_weighted_squared_error_of_the_normalised_acceleration(run, data):
+def test_the_loss_is_the_weighted_squared_error_of_the_normalized_acceleration(run, data):
     (window, _), model, stride = batch_of(run, data).windows, run.model, run.model.architecture.stride
     assert (window.past, window.following) == (2 * stride, stride)
     loss, rows = run.objective(Batch([window], fresh()[:1]), QUIET)
@@ -32,8 +32,8 @@ def test_the_loss_is_the_weighted_squared_error_of_the_normalised_acceleration(r
     places = [window.frame(number)[0] for number in (-stride, 0, stride)]
     acceleration = places[2] - 2 * places[1] + places[0]
     wanted = (acceleration - model.accelerations.mean) / model.accelerations.spread
-    error = (model.predict(model.observe(model.state_after(*window.up_to_now), window.around)) - wanted).square()
-    near = window.around.distance_and_normal(places[1])[0] < NEAR_SURFACE
+    error = (model.predict(model.observe(model.state_after(*window.up_to_now), window.environment)) - wanted).square()
+    near = window.environment.distance_and_normal(places[1])[0] < NEAR_SURFACE
     assert 0 < near.sum() < len(near)
     weight = torch.where(near, NEAR_WEIGHT, 1.0)
     torch.testing.assert_close(loss, (weight * error.mean(dim=1)).mean())
@@ -74,16 +74,16 @@ def test_squeezing_costs_what_the_phase_weighs_it(run, data):
         for window, random in zip(windows, fresh(), strict=True)
     ]
     reached = [
-        run.model.advance(s, run.model.predict(run.model.observe(s, w.around)))[0]
+        run.model.advance(s, run.model.predict(run.model.observe(s, w.environment)))[0]
         for s, w in zip(states, windows, strict=True)
     ]
     squeezed = torch.stack(
         [
             density_loss(
                 places,
-                neighbourhood(places.detach(), 0.061),
-                window.around.distance_and_normal(places)[0],
-                window.around,
+                find_neighbors(places.detach(), 0.061),
+                window.environment.distance_and_normal(places)[0],
+                window.environment,
             )
             for places, window in zip(reached, windows, strict=True)
         ]
@@ -133,13 +133,13 @@ def test_unrolled_steps_pass_a_gradient_to_every_weight(run, data):
 
 def test_preparing_measures_what_the_network_sees(run, data):
     prepare(Windows(data), run)
-    windows, stride, normalised = Windows(data), run.objective.frames_per_step, []
+    windows, stride, normalized = Windows(data), run.objective.frames_per_step, []
     for number in range(EXAMPLES):
         random = np.random.default_rng([run.config.seed, run.config.steps, number])
         window = windows.draw(random, run.model.past, stride)
         state = run.objective.with_noise(run.model.state_after(*window.up_to_now), run.config.phase(0).noise, random)
-        normalised.append(run.model.wanted(state, *run.objective.true_step(window, 0)))
-    every = torch.cat(normalised)
+        normalized.append(run.model.wanted(state, *run.objective.true_step(window, 0)))
+    every = torch.cat(normalized)
     torch.testing.assert_close(every.mean(dim=0), torch.zeros(3), atol=1e-3, rtol=0)
     torch.testing.assert_close(every.std(dim=0), torch.ones(3), atol=1e-3, rtol=0)
     assert torch.equal(run.average.accelerations.spread, run.model.accelerations.spread)

@@ -3,33 +3,27 @@ import math
 import pytest
 import torch
 
-from surfsup.model.correction import Correction
-from surfsup.model.features import DISPLACEMENT_SCALE
-from surfsup.model.simulator import Architecture, Simulator
-from surfsup.model.state import FRAME_TIME, State, Surroundings
-from surfsup.training.objectives.correction_loss import (
-    CALM,
-    RETURN,
-    calm_loss,
-    motion_loss,
-    wanted_correction,
-)
+from surfsup.learned.corrected.correction import Correction
+from surfsup.learned.corrected.features import DISPLACEMENT_SCALE
+from surfsup.learned.corrected.simulator import Architecture, CorrectedSimulator
+from surfsup.sph.state import FRAME_TIME, Environment, ParticleState
+from surfsup.training.objectives.correction_loss import CALM, RETURN, calm_loss, motion_loss, wanted_correction
 from surfsup.training.objectives.strayed import FARTHEST, FASTEST
 
-AROUND = Surroundings(
+AROUND = Environment(
     None, torch.tensor([-0.5, -0.5, 0.0]), torch.tensor([0.5, 0.5, 2.0]), torch.tensor([0.0, 0.0, -9.81])
 )
 SURE = torch.ones(1)  # every particle is where the truth has it
 
 
-def seen_by(simulator: Simulator):
+def seen_by(simulator: CorrectedSimulator):
     """Particles so far apart that nothing acts: what is reached without the network is ballistic motion."""
     places = torch.cartesian_prod(*[0.1 * torch.arange(3)] * 3)[:20] + torch.tensor([0.0, 0.0, 0.5])
-    return simulator.observe(State(places, torch.randn(20, 3)), AROUND)
+    return simulator.observe(ParticleState(places, torch.randn(20, 3)), AROUND)
 
 
 def test_the_wanted_correction_leads_to_the_truth_and_costs_nothing():
-    simulator = Simulator(Architecture(width=4, layers=1))
+    simulator = CorrectedSimulator(Architecture(width=4, layers=1))
     seen = seen_by(simulator)
     positions = seen.ahead + 1e-3 * torch.randn(20, 3)
     velocities = seen.state.velocities + torch.randn(20, 3)
@@ -41,7 +35,7 @@ def test_the_wanted_correction_leads_to_the_truth_and_costs_nothing():
 
 
 def test_in_free_fall_nothing_is_wanted():
-    seen = seen_by(Simulator(Architecture(width=4, layers=1)))
+    seen = seen_by(CorrectedSimulator(Architecture(width=4, layers=1)))
     now = seen.state.positions, seen.state.velocities
     wanted = wanted_correction(seen, now, (seen.ahead, seen.state.velocities + FRAME_TIME * AROUND.gravity))
     assert wanted.velocity.abs().max() < 1e-4
@@ -49,7 +43,7 @@ def test_in_free_fall_nothing_is_wanted():
 
 
 def test_a_state_that_strayed_is_asked_back_by_a_part_only():
-    seen = seen_by(Simulator(Architecture(width=4, layers=1)))
+    seen = seen_by(CorrectedSimulator(Architecture(width=4, layers=1)))
     strayed, off = 3e-4 * torch.randn(20, 3), 0.05 * torch.randn(20, 3)
     before = seen.state.positions - strayed, seen.state.velocities - off
     after = seen.ahead - strayed, before[1] + FRAME_TIME * AROUND.gravity
@@ -59,7 +53,7 @@ def test_a_state_that_strayed_is_asked_back_by_a_part_only():
 
 
 def test_a_state_that_strayed_far_is_asked_no_more_than_one_that_strayed_a_little():
-    seen = seen_by(Simulator(Architecture(width=4, layers=1)))
+    seen = seen_by(CorrectedSimulator(Architecture(width=4, layers=1)))
     direction = torch.nn.functional.normalize(torch.randn(20, 3), dim=-1)
     before = seen.state.positions - 0.05 * direction, seen.state.velocities - 4 * direction
     after = seen.ahead - 0.05 * direction, before[1] + FRAME_TIME * AROUND.gravity

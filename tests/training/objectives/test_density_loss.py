@@ -1,19 +1,19 @@
 import torch
 
 from surfsup.datasets.density import number_density
-from surfsup.model.neighbours import neighbourhood
-from surfsup.model.solid_density import flat_share, solid_density
-from surfsup.model.state import Surroundings
 from surfsup.scene import SPACING
 from surfsup.sdf import Sphere
+from surfsup.sph.boundary.density import flat_share, solid_density
+from surfsup.sph.neighbor_search import find_neighbors
+from surfsup.sph.state import Environment
 from surfsup.training.objectives.density_loss import SQUEEZED, density_loss, lattice_density
 
-FAR = Surroundings(None, torch.tensor([-5.0, -5.0, -5.0]), torch.tensor([5.0, 5.0, 5.0]), torch.zeros(3))
+FAR = Environment(None, torch.tensor([-5.0, -5.0, -5.0]), torch.tensor([5.0, 5.0, 5.0]), torch.zeros(3))
 
 
-def loss_of(positions: torch.Tensor, around: Surroundings = FAR) -> torch.Tensor:
-    near = neighbourhood(positions.detach().float(), 0.061)
-    return density_loss(positions, near, around.distance_and_normal(positions)[0], around)
+def loss_of(positions: torch.Tensor, environment: Environment = FAR) -> torch.Tensor:
+    near = find_neighbors(positions.detach().float(), 0.061)
+    return density_loss(positions, near, environment.distance_and_normal(positions)[0], environment)
 
 
 def lattice(count: int, spacing: float = SPACING) -> torch.Tensor:
@@ -22,7 +22,7 @@ def lattice(count: int, spacing: float = SPACING) -> torch.Tensor:
 
 def test_density_is_that_of_the_data_sets_checks():
     positions = 0.15 * torch.rand(200, 3, generator=torch.Generator().manual_seed(0), dtype=torch.float64)
-    near = neighbourhood(positions.float(), 0.061)
+    near = find_neighbors(positions.float(), 0.061)
     apart = positions[near.senders] - positions[near.receivers]
     ours = lattice_density(apart.square().sum(dim=-1), near)
     torch.testing.assert_close(ours, torch.from_numpy(number_density(positions.T.numpy())), rtol=1e-6, atol=1e-6)
@@ -54,11 +54,11 @@ def test_the_density_loss_has_the_gradients_of_finite_differences_even_where_par
 
 def test_solids_and_walls_add_to_density():
     one = torch.tensor([[0.0, 0.0, 0.32]], dtype=torch.float64)
-    beside_a_ball = Surroundings(Sphere(0.3), FAR.lower, FAR.upper, FAR.gravity)
-    on_the_floor = Surroundings(None, torch.tensor([-5.0, -5.0, 0.3]), FAR.upper, FAR.gravity)
+    beside_a_ball = Environment(Sphere(0.3), FAR.lower, FAR.upper, FAR.gravity)
+    on_the_floor = Environment(None, torch.tensor([-5.0, -5.0, 0.3]), FAR.upper, FAR.gravity)
     distance = torch.tensor(0.02, dtype=torch.float64)
     added = solid_density(distance, flat_share(distance))[0]
-    for around in (beside_a_ball, on_the_floor):
+    for environment in (beside_a_ball, on_the_floor):
         expected = ((1 / torch.pi + added - 1) / SQUEEZED).square()
-        torch.testing.assert_close(loss_of(one, around), expected, rtol=1e-4, atol=0)
+        torch.testing.assert_close(loss_of(one, environment), expected, rtol=1e-4, atol=0)
     assert loss_of(one) == 0

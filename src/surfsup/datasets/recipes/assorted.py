@@ -23,16 +23,16 @@ from surfsup.sdf import Surface
 
 SOLIDS = (PrimShapes, PrimUnions, Bowls, Funnels, Chairs)
 FRAMES = 400
-SIDE = (1.0, 1.5)  # metres of the container, along x and along y
+SIDE = (1.0, 1.5)  # meters of the container, along x and along y
 SMALLER = (0.5, 1.0)  # scale of every third solid
-LIFTED = (0.0, 0.3)  # metres, every third one again
+LIFTED = (0.0, 0.3)  # meters, every third one again
 BLOCK_SIDE = (0.2, 0.6)
 PARTICLES = (600, 5000)  # of a block
 SPEED = 2.5  # m/s, the largest of a thrown block
 STRENGTH = (0.6, 1.4)  # of gravity's 9.81 m/s²
 TILT = 20.0  # degrees, the largest
 # Water of a lattice that begins nearer than this to a solid is denser than the solver allows, and bursts.
-CLEAR = 0.036  # metres
+CLEAR = 0.036  # meters
 TRIES = 50
 
 

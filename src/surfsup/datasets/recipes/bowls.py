@@ -15,7 +15,7 @@ from surfsup.scene.shapes import BowlShape
 CAPTURE_RADIUS = (0.07, 0.3)
 FILTER_RADIUS = (0.03, 0.1)  # of those with a hole, at most as much of the capture radius as the next line says
 WIDEST_HOLE = 0.75
-LIFT = (0.0, 0.4)  # metres from the floor to the lowest point of a closed bowl
+LIFT = (0.0, 0.4)  # meters from the floor to the lowest point of a closed bowl
 
 
 class Bowls(Recipe):

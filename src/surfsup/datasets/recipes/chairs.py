@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from surfsup.datasets.carpentry import chair
+from surfsup.datasets.procedural.chairs import chair
 from surfsup.datasets.recipes.mesh_files import SURFACES, collect, fitted_corners
 from surfsup.datasets.recipes.recipe import Recipe
 from surfsup.datasets.recipes.standing import box_corners, stand
@@ -21,8 +21,8 @@ from surfsup.scene.shapes import MeshShape
 
 CATEGORY = "03001627"  # ShapeNet's number for chairs
 MODEL = "models/model_normalized.obj"
-FIT = 0.9  # metres: the largest extent of a chair out of ShapeNet
-WIDEST = 0.98  # metres along the container's sides: only a chair out of ShapeNet can be wider
+FIT = 0.9  # meters: the largest extent of a chair out of ShapeNet
+WIDEST = 0.98  # meters along the container's sides: only a chair out of ShapeNet can be wider
 
 
 class Chairs(Recipe):

@@ -13,23 +13,23 @@ from pathlib import Path
 
 import numpy as np
 
+from surfsup.datasets.procedural.coral import coral
+from surfsup.datasets.procedural.lion import lion
+from surfsup.datasets.procedural.room import room
 from surfsup.datasets.recipes.mesh_files import SURFACES, collect, fitted_corners
 from surfsup.datasets.recipes.recipe import Recipe
 from surfsup.datasets.recipes.standing import stand
 from surfsup.datasets.recipes.water import Random, block
-from surfsup.datasets.sculptures.coral import coral
-from surfsup.datasets.sculptures.lion import lion
-from surfsup.datasets.sculptures.room import room
 from surfsup.errors import InputError
 from surfsup.scene import Container, Fluid, Scene, Shape
 from surfsup.scene.shapes import MeshShape
-from surfsup.sdf.mesh_file import FORMATS
+from surfsup.sdf.mesh.mesh_file import FORMATS
 
 CONTAINER = Container(size=(2.0, 2.0, 3.0))
-FIT = 1.9  # metres: the largest extent
-BLOCK_SIDE = (0.6, 0.66)  # metres
-FALL_GAP = (0.1, 0.4)  # metres of air between the top of the solid and the block
-WALLS = 0.12  # metres from the container's walls to the block, so that it falls into the room
+FIT = 1.9  # meters: the largest extent
+BLOCK_SIDE = (0.6, 0.66)  # meters
+FALL_GAP = (0.1, 0.4)  # meters of air between the top of the solid and the block
+WALLS = 0.12  # meters from the container's walls to the block, so that it falls into the room
 SCULPTED = {"coral.ply": coral, "lion.ply": lion}
 TURNS = ("coral.ply", "room", "lion.ply")
 
@@ -69,7 +69,7 @@ class ComplexScenes(Recipe):
 
 
 def block_over(top: np.ndarray, random: Random) -> Fluid:
-    """A block of water above ``top`` (3,), a little to one side of it, metres."""
+    """A block of water above ``top`` (3,), a little to one side of it, meters."""
     sides = random.uniform(*BLOCK_SIDE, size=3)
     low, high = np.array(CONTAINER.lower[:2]) + WALLS, np.array(CONTAINER.upper[:2]) - WALLS
     corner = np.clip(top[:2] + random.uniform(-0.15, 0.15, size=2) - sides[:2] / 2, low, high - sides[:2])

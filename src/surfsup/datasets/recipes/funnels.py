@@ -14,9 +14,9 @@ from surfsup.scene.shapes import FunnelShape
 
 CAPTURE_RADIUS = (0.1, 0.35)
 FILTER_RADIUS = (0.065, 0.12)  # a narrower spout, two particles wide, clogs, and the solver lets the water burst
-HEIGHT = (0.15, 0.35)  # metres of cone
+HEIGHT = (0.15, 0.35)  # meters of cone
 SPOUT = (0.05, 0.15)
-LIFT = (0.15, 0.5)  # metres from the floor to the spout
+LIFT = (0.15, 0.5)  # meters from the floor to the spout
 
 
 class Funnels(Recipe):

@@ -20,12 +20,12 @@ from surfsup.scene import Container, Scene, Shape
 from surfsup.scene.shapes import HeightfieldShape
 
 FRAMES = 600
-SIDE = (1.2, 2.0)  # metres of the container, along x and along y
-HEIGHT = (0.15, 0.7)  # metres from the lowest to the highest place
-BASE = 0.1  # metres below the lowest
+SIDE = (1.2, 2.0)  # meters of the container, along x and along y
+HEIGHT = (0.15, 0.7)  # meters from the lowest to the highest place
+BASE = 0.1  # meters below the lowest
 CEILING = 2.0
 BLOCKS = 2  # the most
-SAMPLE = 0.02  # metres from one height to the next
+SAMPLE = 0.02  # meters from one height to the next
 ROUGHNESS = (1.9, 3.0)  # a wave's height falls with this power of its number
 LEVEL = (0.1, 0.5)  # share of a terrain that is level, where some is
 NUMBERS = 2**32  # of different terrains

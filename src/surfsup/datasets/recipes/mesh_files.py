@@ -65,7 +65,7 @@ def check(path: Path) -> None:
 
 
 def fitted_corners(path: Path, fit: float, up: str | None = None) -> np.ndarray:
-    """The vertices (V, 3) of a mesh file as the surface ``mesh: {file, fit, up}`` of a scene has them, metres."""
+    """The vertices (V, 3) of a mesh file as the surface ``mesh: {file, fit, up}`` of a scene has them, meters."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         mesh, _ = fit_mesh(load_mesh(path, up=up), fit)

@@ -1,6 +1,6 @@
 """The recipe ``mountain``: water falls on the slopes of a terrain (supplement, section 5.5).
 
-The terrain is that of ``--source FILE`` (a GeoTIFF, a grey PNG, NPZ or NPY) or, left out, the highest ridge in the
+The terrain is that of ``--source FILE`` (a GeoTIFF, a gray PNG, NPZ or NPY) or, left out, the highest ridge in the
 elevations around the Jacksboro fault that come with matplotlib. The supplement's is the Puncak Jaya range, scaled at
 will. The sizes here are ours: 3 m along its longer side, filling the container from wall to wall, 0.7 m from the
 lowest to the highest place, and three blocks of water over three of its four quarters. Finer detail than 160 samples
@@ -24,14 +24,14 @@ from surfsup.sdf import load_heights
 FILE = Path(SURFACES) / "mountain.npy"
 SAMPLE = "jacksboro_fault_dem.npz"
 RIDGE = (slice(190, 340), slice(125, 275))  # rows and columns of the sample
-LONGER_SIDE = 3.0  # metres
-HEIGHT = 0.7  # metres from the lowest to the highest place
-BASE = 0.1  # metres below the lowest
+LONGER_SIDE = 3.0  # meters
+HEIGHT = 0.7  # meters from the lowest to the highest place
+BASE = 0.1  # meters below the lowest
 CEILING = 2.0
 MOST_SAMPLES = 160  # along the longer side
 NARROWEST = 0.4  # of the longer side: a narrower strip has no room for the blocks
 BLOCKS = 3
-FALL_GAP = (0.05, 0.25)  # metres of air between the highest place under a block and the block
+FALL_GAP = (0.05, 0.25)  # meters of air between the highest place under a block and the block
 
 
 class Mountain(Recipe):
@@ -104,8 +104,8 @@ def block_over(levels: np.ndarray, size: tuple[float, float], quarter: tuple[int
     """A block of random sides at a random place in one quarter, above the highest place below it.
 
     Args:
-        levels: (rows, columns) heights in metres, row 0 in the north.
-        size: of the terrain along x and y, metres.
+        levels: (rows, columns) heights in meters, row 0 in the north.
+        size: of the terrain along x and y, meters.
         quarter: 0 or 1 along x and along y.
         random: where all that is left open comes from.
     """

@@ -21,8 +21,8 @@ from surfsup.scene import Container, Scene, Shape
 from surfsup.scene.shapes import Rotation
 
 PAIRS = tuple(combinations(SHAPES, 2))
-SINK = 0.08  # metres that the upper shape reaches into the base
-HIGHEST = 1.3  # metres: under a ceiling of 2 m this leaves room for a block of 0.5 m and its fall
+SINK = 0.08  # meters that the upper shape reaches into the base
+HIGHEST = 1.3  # meters: under a ceiling of 2 m this leaves room for a block of 0.5 m and its fall
 
 
 class PrimUnions(Recipe):
@@ -54,7 +54,7 @@ class PrimUnions(Recipe):
 
 
 def seat(base: Shape, random: Random) -> np.ndarray:
-    """A point (3,) of the highest part of an upright ``base``, where another shape can stand, metres.
+    """A point (3,) of the highest part of an upright ``base``, where another shape can stand, meters.
 
     On a flat top it lies within half of the way to the rim, on a ring somewhere along the crest.
     """

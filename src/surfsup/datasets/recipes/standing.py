@@ -14,7 +14,7 @@ from surfsup.sdf import Surface
 
 
 def box_corners(surface: Surface) -> np.ndarray:
-    """The eight corners (8, 3) of a surface's bounding box, metres."""
+    """The eight corners (8, 3) of a surface's bounding box, meters."""
     return np.array(list(product(*surface.bounds().double().numpy().T)))
 
 
@@ -25,13 +25,13 @@ def stand(
 
     Args:
         solid: standing on z = 0, not yet turned or moved.
-        corners: points (N, 3) whose convex hull holds it, metres.
-        widest: metres along the container's sides; where it is wider once it is turned it is made smaller.
+        corners: points (N, 3) whose convex hull holds it, meters.
+        widest: meters along the container's sides; where it is wider once it is turned it is made smaller.
         container: what it stands in.
         random: where turn and place come from.
 
     Returns:
-        The solid in its place, and the highest point (3,) of a line through the middle of its box, metres.
+        The solid in its place, and the highest point (3,) of a line through the middle of its box, meters.
     """
     turn = Rotation(axis=(0.0, 0.0, 1.0), degrees=random.uniform(0.0, 360.0))
     turned = solid.model_copy(update={"rotate": turn})

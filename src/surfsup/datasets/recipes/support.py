@@ -12,7 +12,7 @@ Primitive = SphereShape | BoxShape | CylinderShape | ConeShape | TorusShape
 
 
 def extent(shape: Shape) -> tuple[np.ndarray, np.ndarray]:
-    """Lower and upper corner (3,) of the tightest box around a placed primitive, metres."""
+    """Lower and upper corner (3,) of the tightest box around a placed primitive, meters."""
     rotation = rotation_of(shape)
     primitive: Primitive = getattr(shape, shape.kind)
     # What a direction of the container is in the primitive's own frame is a row of the rotation.
@@ -22,7 +22,7 @@ def extent(shape: Shape) -> tuple[np.ndarray, np.ndarray]:
 
 
 def lowest_point(shape: Shape) -> np.ndarray:
-    """The point (3,) of a placed primitive that is nearest to the floor, metres."""
+    """The point (3,) of a placed primitive that is nearest to the floor, meters."""
     rotation = rotation_of(shape)
     primitive: Primitive = getattr(shape, shape.kind)
     return np.asarray(shape.at) + shape.scale * rotation @ support(primitive, -rotation[2])

@@ -15,11 +15,11 @@ from surfsup.datasets.recipes.water import Random
 from surfsup.scene import SPACING, Block, Container, Fluid, Scene
 
 FRAMES = 400
-# Metres from walls and floor to the block. Where several walls meet it takes more than the gap to one:
+# Meters from walls and floor to the block. Where several walls meet it takes more than the gap to one:
 # at 0.006 m the first step gains 0.85 J/kg, at 0.02 m nothing (measured, 0.4 m of water in a container of 0.4 m).
 GAP = 0.02
-SIDE = (0.35, 0.9)  # metres of the container, along x and along y
-DEPTH = (0.15, 1.0)  # metres of the block
+SIDE = (0.35, 0.9)  # meters of the container, along x and along y
+DEPTH = (0.15, 1.0)  # meters of the block
 PARTICLES = (500, 6000)
 COVERED = (0.3, 1.0)  # of a side, where the block does not reach from wall to wall
 

@@ -19,21 +19,21 @@ from surfsup.sdf import WALL, Funnel, Surface, Transformed
 
 VARIANCE = 0.75  # m² (supplement, section 7.1)
 FRAMES = 75  # likewise
-START = (0.10, 0.09)  # metres, capture and filter radius (supplement, section 7.2)
-CAPTURE_RADIUS = (0.1, 0.25)  # metres
-FILTER_RADIUS = 0.065  # metres; two particles wide, a narrower one clogs
+START = (0.10, 0.09)  # meters, capture and filter radius (supplement, section 7.2)
+CAPTURE_RADIUS = (0.1, 0.25)  # meters
+FILTER_RADIUS = 0.065  # meters; two particles wide, a narrower one clogs
 WIDEST_SPOUT = 0.95  # of the capture radius: what is left of a funnel
-CONE, SPOUT, LIFT = 0.2, 0.03, 0.1  # metres: heights of cone, spout and of the spout's end above the floor
-HEIGHT = LIFT + WALL / 2 + SPOUT + CONE  # metres of the mouth above the floor
-WATER = (0.33, 0.12)  # metres, side and height of the block: 300 particles
-GAP = 0.03  # metres of air between the plane of the mouth and the block
+CONE, SPOUT, LIFT = 0.2, 0.03, 0.1  # meters: heights of cone, spout and of the spout's end above the floor
+HEIGHT = LIFT + WALL / 2 + SPOUT + CONE  # meters of the mouth above the floor
+WATER = (0.33, 0.12)  # meters, side and height of the block: 300 particles
+GAP = 0.03  # meters of air between the plane of the mouth and the block
 SPEED = 1.5  # m/s
-FLOOR = 2 * SPACING  # metres: who is as low has reached the floor
-STEP = 0.02  # metres
+FLOOR = 2 * SPACING  # meters: who is as low has reached the floor
+STEP = 0.02  # meters
 
 
 def funnel(capture_radius: float = START[0], filter_radius: float = START[1], frames: int = FRAMES) -> Task:
-    """The task, from a funnel of these radii in metres, over so many frames."""
+    """The task, from a funnel of these radii in meters, over so many frames."""
     side, tall = WATER
     block = Block(
         min=(-side / 2, -side / 2, HEIGHT + GAP),
@@ -59,5 +59,5 @@ def hanging_funnel(r1: Tensor, r2: Tensor) -> Surface:
 
 
 def widest_spout(values: Values) -> Tensor:
-    """The largest filter radius, metres."""
+    """The largest filter radius, meters."""
     return WIDEST_SPOUT * values["r1"].detach()

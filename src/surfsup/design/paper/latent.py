@@ -1,6 +1,6 @@
 """The latent design of section 7 of the SURFSUP supplement: the code of a chair moves until the chair holds water.
 
-The chair is a DeepSDF's. The reward is the bowl's, with its own variance, around the centre of the unit sphere that
+The chair is a DeepSDF's. The reward is the bowl's, with its own variance, around the center of the unit sphere that
 holds the chair; to it comes the Gaussian prior under which the codes were fitted, as their own mean and spread tell it,
 so that the code stays one of something like a chair. The weight of the prior, the chair's size and the water are ours:
 the sphere is 0.4 m in radius, and the water comes down on it at 2 m/s, as if it had fallen 0.2 m.
@@ -17,18 +17,18 @@ from surfsup.design.parameter import Parameter
 from surfsup.design.reward import Outcome, near
 from surfsup.design.task import Task
 from surfsup.errors import InputError
-from surfsup.model.solid_density import SUPPORT
 from surfsup.scene import Block, Fluid, Scene
 from surfsup.sdf import Surface, Transformed
-from surfsup.sdf.deepsdf import DeepSdfSurface, load_deepsdf
-from surfsup.sdf.neural import NEAR
+from surfsup.sdf.neural.deepsdf import DeepSdfSurface, load_deepsdf
+from surfsup.sdf.neural.surface import NEAR
+from surfsup.sph.boundary.density import SUPPORT
 
 VARIANCE = 0.6  # m² (supplement, section 7.1)
 FRAMES = 50  # the bowl's
-RADIUS = 0.4  # metres: what the unit sphere becomes
-CENTRE = 0.43  # metres of its centre above the floor
-WATER = (0.36, 0.18)  # metres, side and height of the block
-BOTTOM = 0.88  # metres of the block above the floor
+RADIUS = 0.4  # meters: what the unit sphere becomes
+CENTER = 0.43  # meters of its center above the floor
+WATER = (0.36, 0.18)  # meters, side and height of the block
+BOTTOM = 0.88  # meters of the block above the floor
 SPEED = 2.0  # m/s
 PRIOR = 1e-3  # of the mean squared distance from the mean code, in spreads
 STEP = 0.1  # of the spread of the codes
@@ -53,9 +53,9 @@ def latent(file: Path, shape: str | None = None, frames: int = FRAMES) -> Task:
         surface = shapes.surface(code)
         with torch.no_grad():
             surface.with_lattice()
-        return Transformed(Moving(surface), translation=(0.0, 0.0, CENTRE), scale=RADIUS)
+        return Transformed(Moving(surface), translation=(0.0, 0.0, CENTER), scale=RADIUS)
 
-    gathered = near((0.0, 0.0, CENTRE), VARIANCE)
+    gathered = near((0.0, 0.0, CENTER), VARIANCE)
 
     def reward(end: Outcome) -> Tensor:
         return gathered(end) - PRIOR * ((end.parameters["code"] - middle) / spread).square().mean() / 2

@@ -71,7 +71,7 @@ def video_entry(example: Example, report: Path) -> dict:
         "rank": example.rank,
         "data": scene.truth.data,
         "scene": scene.name,
-        "surface": scene.judgement.surface,
-        "chamfer": scene.judgement.scores[ALL]["chamfer"],
+        "surface": scene.judgment.surface,
+        "chamfer": scene.judgment.scores[ALL]["chamfer"],
         "source": f"data:video/mp4;base64,{video}",
     }

@@ -126,7 +126,7 @@ const step = report.stride * report.frame_time;
 
 const CHARTS = [
   { title: "Chamfer distance", unit: "m", tells: "Distance to the nearest particle of the other, both ways. The floor is the solver against itself.", of: (c) => c.chamfer },
-  { title: "Height of the centre of mass", unit: "m", tells: "Falls, rebounds, comes to rest.", of: (c) => c.height },
+  { title: "Height of the center of mass", unit: "m", tells: "Falls, rebounds, comes to rest.", of: (c) => c.height },
   { title: "Kinetic energy", unit: "J/kg", tells: "Mean of a particle; logarithmic, for water at rest has a thousandth of what it had.", of: (c) => c.energy, log: true },
   { title: "Chamfer Surface", unit: "m", tells: `Summed over the particles within ${report.near} m of the solid.`, of: (c) => c.surface },
   { title: "Height error", unit: "mm", tells: "Too high above zero, too low below.", signed: true,

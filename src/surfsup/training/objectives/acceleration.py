@@ -1,4 +1,4 @@
-"""The objective of the paper's networks: the squared error of the normalised acceleration."""
+"""The objective of the paper's networks: the squared error of the normalized acceleration."""
 
 from __future__ import annotations
 
@@ -9,18 +9,18 @@ import torch
 from torch import Tensor
 
 from surfsup.datasets.windows import Window
-from surfsup.model.message_passing.history import History
-from surfsup.model.message_passing.simulator import MessagePassingSimulator, join_seen
-from surfsup.model.neighbours import neighbourhood
+from surfsup.learned.message_passing.history import History
+from surfsup.learned.message_passing.simulator import MessagePassingSimulator, join_seen
 from surfsup.scene import SPACING
+from surfsup.sph.neighbor_search import find_neighbors
 from surfsup.training.config import Phase
 from surfsup.training.objectives.density_loss import density_loss
 from surfsup.training.objectives.objective import Batch, Objective, StepErrors, mean_where
 from surfsup.training.objectives.strayed import FASTEST, at_most
 
-NEAR_SURFACE = 0.09  # metres; alpha of the supplement
+NEAR_SURFACE = 0.09  # meters; alpha of the supplement
 NEAR_WEIGHT = 5.0  # lambda of the supplement
-SUPPORT = 2 * SPACING  # metres; of the kernel that density is measured by
+SUPPORT = 2 * SPACING  # meters; of the kernel that density is measured by
 
 
 class AccelerationObjective(Objective):
@@ -37,7 +37,7 @@ class AccelerationObjective(Objective):
         self.bf16 = bf16
 
     def prepare(self, examples: Iterable[Window], randoms: Sequence[np.random.Generator], noise: float) -> None:
-        """Measure the normalisations on states with the training's noise."""
+        """Measure the normalizations on states with the training's noise."""
         self.model.measure(
             (
                 self.with_noise(self.model.state_after(*window.up_to_now), noise, random),
@@ -53,7 +53,7 @@ class AccelerationObjective(Objective):
         return self.model.with_noise(state, size, torch.Generator().manual_seed(int(random.integers(2**63))))
 
     def true_step(self, window: Window, number: int) -> tuple[Tensor, Tensor]:
-        """The true move in a step of a window, metres, and the true velocities after it, m/s; both (N, 3)."""
+        """The true move in a step of a window, meters, and the true velocities after it, m/s; both (N, 3)."""
         before, _ = window.frame(number * self.frames_per_step)
         positions, velocities = window.frame((number + 1) * self.frames_per_step)
         return positions - before, velocities
@@ -74,8 +74,8 @@ class AccelerationObjective(Objective):
     ) -> tuple[list[StepErrors], list[tuple[Tensor, Tensor]]]:
         """One step of the model; all windows go through the network together."""
         windows = batch.windows
-        seen = join_seen([self.model.observe(s, window.around) for s, window in zip(states, windows, strict=True)])
-        # Around the network alone: a product of positions in bfloat16 would be off by millimetres.
+        seen = join_seen([self.model.observe(s, window.environment) for s, window in zip(states, windows, strict=True)])
+        # Around the network alone: a product of positions in bfloat16 would be off by millimeters.
         with torch.autocast(seen.features.device.type, torch.bfloat16, enabled=self.bf16):
             joined = self.model.predict(seen)
         errors, reached = [], []
@@ -84,13 +84,13 @@ class AccelerationObjective(Objective):
             reached.append(self.model.advance(state, predicted))
             wanted = self.model.wanted(state, *self.asked_step(state, window, number))
             with torch.no_grad():
-                near = window.around.distance_and_normal(state.positions)[0] < NEAR_SURFACE
+                near = window.environment.distance_and_normal(state.positions)[0] < NEAR_SURFACE
             error = (predicted - wanted).square().mean(dim=-1)
             loss = (torch.where(near, NEAR_WEIGHT, 1.0) * error).mean()
             if phase.density > 0:
                 positions = reached[-1][0]
-                distance, _ = window.around.distance_and_normal(positions)
-                near_each_other = neighbourhood(positions, SUPPORT)
-                loss = loss + phase.density * density_loss(positions, near_each_other, distance, window.around)
+                distance, _ = window.environment.distance_and_normal(positions)
+                near_each_other = find_neighbors(positions, SUPPORT)
+                loss = loss + phase.density * density_loss(positions, near_each_other, distance, window.environment)
             errors.append(StepErrors(loss, mean_where(error, near), mean_where(error, ~near)))
         return errors, reached

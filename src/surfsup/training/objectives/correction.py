@@ -8,10 +8,10 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from surfsup.model.convolution import Graph
-from surfsup.model.correction import POSITION_SHARE, Correction
-from surfsup.model.simulator import Observation, Simulator, join_observations
-from surfsup.model.state import FRAME_TIME, State
+from surfsup.learned.corrected.correction import POSITION_SHARE, Correction
+from surfsup.learned.corrected.simulator import CorrectedSimulator, Observation, join_observations
+from surfsup.sph.kernel_sums import Graph
+from surfsup.sph.state import FRAME_TIME, ParticleState
 from surfsup.training.config import Phase
 from surfsup.training.objectives.correction_loss import (
     NEAR_SURFACE,
@@ -29,19 +29,20 @@ NOISE_DECADES = 2.0  # how many powers of ten smaller than the configured noise 
 class CorrectionObjective(Objective):
     """Motion loss and, in phases that weigh it, the logarithm of errors."""
 
-    model: Simulator
+    model: CorrectedSimulator
 
-    def with_noise(self, state: State, size: float, random: np.random.Generator) -> State:
+    def with_noise(self, state: ParticleState, size: float, random: np.random.Generator) -> ParticleState:
         """A state as the model itself would have left it."""
         return with_error(state, size, random)
 
     def predict(
-        self, states: list[State], batch: Batch, number: int, phase: Phase
+        self, states: list[ParticleState], batch: Batch, number: int, phase: Phase
     ) -> tuple[list[StepErrors], list[tuple[Tensor, Tensor]]]:
         """One frame; all windows go through the network together."""
         model, windows = self.model, batch.windows
         seen = [
-            with_fixed_graph(model.observe(state, window.around)) for state, window in zip(states, windows, strict=True)
+            with_fixed_graph(model.observe(state, window.environment))
+            for state, window in zip(states, windows, strict=True)
         ]
         corrections = split(model.correct(join_observations(seen)), seen)
         errors, reached = [], []
@@ -65,7 +66,7 @@ def with_fixed_graph(seen: Observation) -> Observation:
     Their gradient would be passed back to the frame before, where it says little and costs as much as all
     the rest.
     """
-    return replace(seen, graph=Graph(seen.graph.neighbourhood, seen.graph.kernels.detach()))
+    return replace(seen, graph=Graph(seen.graph.neighborhood, seen.graph.kernels.detach()))
 
 
 def split(joined: Correction, parts: list[Observation]) -> list[Correction]:
@@ -75,10 +76,10 @@ def split(joined: Correction, parts: list[Observation]) -> list[Correction]:
     return [Correction(*pair) for pair in pairs]
 
 
-def with_error(state: State, size: float, random: np.random.Generator) -> State:
+def with_error(state: ParticleState, size: float, random: np.random.Generator) -> ParticleState:
     """The state with noise that looks like an error of the model: those of place and of velocity go together.
 
-    Its size is drawn anew for every window, from almost nothing up to ``size`` metres, so that a calm state stays calm.
+    Its size is drawn anew for every window, from almost nothing up to ``size`` meters, so that a calm state stays calm.
     """
     if size == 0:
         return state
@@ -89,4 +90,4 @@ def with_error(state: State, size: float, random: np.random.Generator) -> State:
 
     in_velocity = draw() / FRAME_TIME
     in_place = POSITION_SHARE * FRAME_TIME * in_velocity + 0.5 * draw()
-    return State(state.positions + in_place, state.velocities + in_velocity)
+    return ParticleState(state.positions + in_place, state.velocities + in_velocity)

@@ -5,15 +5,15 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
-from surfsup.model.correction import Correction
-from surfsup.model.features import DISPLACEMENT_SCALE
-from surfsup.model.simulator import Observation
-from surfsup.model.state import FRAME_TIME
+from surfsup.learned.corrected.correction import Correction
+from surfsup.learned.corrected.features import DISPLACEMENT_SCALE
+from surfsup.learned.corrected.simulator import Observation
+from surfsup.sph.state import FRAME_TIME
 from surfsup.training.objectives.strayed import FARTHEST, FASTEST, at_most
 
 Frame = tuple[Tensor, Tensor]  # positions and velocities
 
-NEAR_SURFACE = 0.09  # metres, the supplement's threshold
+NEAR_SURFACE = 0.09  # meters, the supplement's threshold
 NEAR_WEIGHT = 2.0
 RETURN = 0.3  # of the distance strayed from the truth that a frame is asked to make good
 FLOOR = 0.05  # of a frame's mean squared correction: keeps frames at rest from dominating
@@ -29,7 +29,7 @@ def wanted_correction(seen: Observation, before: Frame, after: Frame) -> Correct
 
     Args:
         seen: what the network saw.
-        before: true positions (N, 3) in metres and velocities (N, 3) in m/s of the frame that was seen.
+        before: true positions (N, 3) in meters and velocities (N, 3) in m/s of the frame that was seen.
         after: the same one frame later.
     """
     strayed = (seen.state.positions - before[0]).detach()
@@ -62,7 +62,7 @@ def calm_loss(predicted: Correction, wanted: Correction, sure: Tensor) -> Tensor
     """Logarithm of the squared error, so that halving a small one is worth as much as halving a large one.
 
     Beside an impact a fall and a pool at rest weigh nothing in a squared error. But they last: hundredths of a
-    millimetre a frame on the way down are millimetres at the impact, and these decide where the splash goes.
+    millimeter a frame on the way down are millimeters at the impact, and these decide where the splash goes.
     """
     return (sure * torch.log1p(squared_error(predicted, wanted) / CALM**2)).mean()
 

@@ -5,16 +5,16 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
-from surfsup.model.neighbours import Neighbourhood
-from surfsup.model.solid_density import flat_share, solid_density
-from surfsup.model.state import Surroundings
-from surfsup.model.walls import walls_density
 from surfsup.scene import SPACING
+from surfsup.sph.boundary.density import flat_share, solid_density
+from surfsup.sph.boundary.walls import walls_density
+from surfsup.sph.neighbor_search import NeighborList
+from surfsup.sph.state import Environment
 
 SQUEEZED = 0.03  # of the lattice's density: some of what a frame's correction can change
 
 
-def density_loss(positions: Tensor, near: Neighbourhood, distance: Tensor, around: Surroundings) -> Tensor:
+def density_loss(positions: Tensor, near: NeighborList, distance: Tensor, environment: Environment) -> Tensor:
     """How far the fluid is squeezed beyond the density that the solver never lets it exceed.
 
     The solver's pressure holds every particle at or below the lattice's density, in every frame (measured: 1.000 is
@@ -22,19 +22,19 @@ def density_loss(positions: Tensor, near: Neighbourhood, distance: Tensor, aroun
     frame drifts above that in hundreds, and nothing in a single frame's error tells it so.
 
     Args:
-        positions: (N, 3) predicted, metres.
+        positions: (N, 3) predicted, meters.
         near: at least all pairs within the kernel's support, for positions about these.
-        distance: (N,) of the positions from the solid, metres.
-        around: container.
+        distance: (N,) of the positions from the solid, meters.
+        environment: container.
     """
     apart = positions.index_select(0, near.senders) - positions.index_select(0, near.receivers)
     density = lattice_density(apart.square().sum(dim=-1), near)
-    density = density + solid_density(distance, flat_share(distance))[0] + walls_density(positions, around)[0]
+    density = density + solid_density(distance, flat_share(distance))[0] + walls_density(positions, environment)[0]
     return ((density - 1).clamp(min=0) / SQUEEZED).square().mean()
 
 
-def lattice_density(squared: Tensor, near: Neighbourhood) -> Tensor:
-    """The density (N,) in units of the lattice's, from the squared distances (E,) of neighbours in m².
+def lattice_density(squared: Tensor, near: NeighborList) -> Tensor:
+    """The density (N,) in units of the lattice's, from the squared distances (E,) of neighbors in m².
 
     The solver's cubic spline kernel, as in :func:`surfsup.datasets.density.number_density`.
     """

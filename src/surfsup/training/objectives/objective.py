@@ -1,4 +1,4 @@
-"""What a training step minimises: the base of all objectives."""
+"""What a training step minimizes: the base of all objectives."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ import torch
 from torch import Tensor, nn
 
 from surfsup.datasets.windows import Window
-from surfsup.model.guard import guard
-from surfsup.model.learned_simulator import FluidState, LearnedSimulator
+from surfsup.sph.collision import resolve_collisions
+from surfsup.sph.simulator import FluidState, Simulator
 
 if TYPE_CHECKING:
     from surfsup.training.config import Phase
@@ -41,7 +41,7 @@ class StepErrors:
     """How far off one predicted step of one window is; all of them scalars.
 
     Attributes:
-        loss: what is minimised.
+        loss: what is minimized.
         near: mean squared error of the particles near the surface, NaN where there are none.
         far: the same of all others.
     """
@@ -61,7 +61,7 @@ class Objective(nn.Module, ABC):
         frames_per_step: that a step of it goes.
     """
 
-    def __init__(self, model: LearnedSimulator, frames_per_step: int = 1) -> None:
+    def __init__(self, model: Simulator, frames_per_step: int = 1) -> None:
         super().__init__()
         self.model, self.frames_per_step = model, frames_per_step
 
@@ -81,7 +81,7 @@ class Objective(nn.Module, ABC):
         return loss, report(every, len(batch.windows))
 
     def begin(self, batch: Batch, noise: float) -> list[FluidState]:
-        """The states that the windows begin with, which are true up to noise of ``noise`` metres."""
+        """The states that the windows begin with, which are true up to noise of ``noise`` meters."""
         return [
             self.with_noise(self.model.state_after(*window.up_to_now), 0.0 if window.begins else noise, random)
             for window, random in zip(batch.windows, batch.randoms, strict=True)
@@ -92,7 +92,7 @@ class Objective(nn.Module, ABC):
 
     @abstractmethod
     def with_noise(self, state: Any, size: float, random: np.random.Generator) -> Any:
-        """A true state with errors as the model itself would have made, of ``size`` metres at most."""
+        """A true state with errors as the model itself would have made, of ``size`` meters at most."""
 
     @abstractmethod
     def predict(
@@ -112,8 +112,8 @@ class Objective(nn.Module, ABC):
 
 
 def after(state: FluidState, reached: tuple[Tensor, Tensor], window: Window) -> FluidState:
-    """The guarded state after a step from ``state`` to the positions and velocities ``reached``."""
-    kept = guard(state.positions, *reached, window.around)
+    """The handle_collisions state after a step from ``state`` to the positions and velocities ``reached``."""
+    kept = resolve_collisions(state.positions, *reached, window.environment)
     return state.moved_to(kept.positions, kept.velocities)
 
 

@@ -10,9 +10,9 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
-FARTHEST = 1.5e-3  # metres strayed, beyond which no more is asked
+FARTHEST = 1.5e-3  # meters strayed, beyond which no more is asked
 FASTEST = 0.3  # m/s that a velocity is off, likewise
-UNSURE = 5e-3  # metres strayed at which an error counts half
+UNSURE = 5e-3  # meters strayed at which an error counts half
 
 
 def at_most(vectors: Tensor, length: float) -> Tensor:
@@ -21,5 +21,5 @@ def at_most(vectors: Tensor, length: float) -> Tensor:
 
 
 def weight_of(strayed: Tensor) -> Tensor:
-    """What the error of a particle counts (N,) that has ``strayed`` by so much (N, 3), in metres: 1 on the truth."""
+    """What the error of a particle counts (N,) that has ``strayed`` by so much (N, 3), in meters: 1 on the truth."""
     return 1 / (1 + strayed.square().sum(dim=-1) / UNSURE**2)

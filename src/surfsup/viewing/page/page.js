@@ -53,27 +53,27 @@ float sunlit(vec3 p) {
 const PARTICLE = `
 layout(location = 0) in vec2 corner; layout(location = 1) in vec3 before; layout(location = 2) in vec3 after;
 uniform float mixing, radius, frameTime; uniform vec3 low, extent; uniform mat4 view, projection;
-out vec2 disc; out vec3 centre; out float speed;
+out vec2 disc; out vec3 center; out float speed;
 void main() {
   vec3 a = low + before * extent, b = low + after * extent;
-  centre = (view * vec4(mix(a, b, mixing), 1.0)).xyz;
+  center = (view * vec4(mix(a, b, mixing), 1.0)).xyz;
   speed = length(b - a) / frameTime;
   disc = corner;
-  gl_Position = projection * vec4(centre + vec3(corner * radius, 0.0), 1.0);
+  gl_Position = projection * vec4(center + vec3(corner * radius, 0.0), 1.0);
 }`;
 const SPHERE = `
-in vec2 disc; in vec3 centre; in float speed; uniform float radius; uniform mat4 projection;
+in vec2 disc; in vec3 center; in float speed; uniform float radius; uniform mat4 projection;
 vec3 sphere() {
   float r2 = dot(disc, disc); if (r2 > 1.0) discard;
   vec3 n = vec3(disc, sqrt(1.0 - r2));
-  vec4 clip = projection * vec4(centre + n * radius, 1.0);
+  vec4 clip = projection * vec4(center + n * radius, 1.0);
   gl_FragDepth = clip.z / clip.w * 0.5 + 0.5;
   return n;
 }
 `;
 const DROP = `
-in vec2 disc; in vec3 centre; in float speed; uniform float radius; uniform mat4 projection;
-float drop() { float r2 = dot(disc, disc); if (r2 > 1.0) discard; return -centre.z - 0.6 * radius * (1.0 - r2); }
+in vec2 disc; in vec3 center; in float speed; uniform float radius; uniform mat4 projection;
+float drop() { float r2 = dot(disc, disc); if (r2 > 1.0) discard; return -center.z - 0.6 * radius * (1.0 - r2); }
 `;
 const SCREEN = `layout(location = 0) in vec2 corner; out vec2 at; void main() { at = corner * 0.5 + 0.5; gl_Position = vec4(corner, 0.0, 1.0); }`;
 
@@ -82,17 +82,17 @@ const SOURCES = {
   particleShadow: [PARTICLE, SPHERE + `void main() { sphere(); }`],
   floor: [`layout(location = 0) in vec2 corner; uniform mat4 view, projection; out vec3 p;
     void main() { p = vec3(corner * 12.0, 0.0); gl_Position = projection * view * vec4(p, 1.0); }`,
-  SHADOW + `in vec3 p; uniform vec2 viewport; uniform float contact; out vec4 colour;
+  SHADOW + `in vec3 p; uniform vec2 viewport; uniform float contact; out vec4 color;
     void main() {
       float far = smoothstep(0.75, 2.6, length(p.xy));
       vec3 c = vec3(0.93, 0.94, 0.95) * mix(vec3(0.56, 0.60, 0.66), vec3(1.0), sunlit(p));
       float up = gl_FragCoord.y / viewport.y;
-      colour = vec4(mix(c, mix(vec3(0.93, 0.95, 0.97), vec3(0.70, 0.79, 0.88), up * 0.9), far), 1.0); colour.rgb = display(colour.rgb);
+      color = vec4(mix(c, mix(vec3(0.93, 0.95, 0.97), vec3(0.70, 0.79, 0.88), up * 0.9), far), 1.0); color.rgb = display(color.rgb);
     }`],
-  backdrop: [SCREEN, `in vec2 at; out vec4 colour; void main() { colour = vec4(display(mix(vec3(0.93, 0.95, 0.97), vec3(0.70, 0.79, 0.88), at.y * 0.9)), 1.0); }`],
+  backdrop: [SCREEN, `in vec2 at; out vec4 color; void main() { color = vec4(display(mix(vec3(0.93, 0.95, 0.97), vec3(0.70, 0.79, 0.88), at.y * 0.9)), 1.0); }`],
   solid: [`layout(location = 0) in vec3 position; layout(location = 1) in vec3 normal; uniform mat4 view, projection; out vec3 p, n;
     void main() { p = position; n = normal; gl_Position = projection * view * vec4(p, 1.0); }`,
-  SHADOW + `in vec3 p, n; uniform vec3 eye; out vec4 colour;
+  SHADOW + `in vec3 p, n; uniform vec3 eye; out vec4 color;
     void main() {
       vec3 m = normalize(n), v = normalize(eye - p); if (dot(m, v) < 0.0) m = -m;
       float sun = max(dot(m, SUN), 0.0) * sunlit(p + m * 0.01);
@@ -100,21 +100,21 @@ const SOURCES = {
       vec3 light = sun * vec3(1.0, 0.94, 0.84) * 0.80 + sky * vec3(0.66, 0.76, 0.90) * 0.46 * (0.6 + 0.4 * low)
                  + (1.0 - sky) * vec3(0.8, 0.78, 0.74) * 0.26 * (0.35 + 0.65 * low);
       float rim = pow(1.0 - max(dot(m, v), 0.0), 4.0) * 0.10;
-      colour = vec4(display(vec3(0.74, 0.38, 0.21) * light + rim), 1.0);
+      color = vec4(display(vec3(0.74, 0.38, 0.21) * light + rim), 1.0);
     }`],
   lines: [`layout(location = 0) in vec3 position; uniform mat4 view, projection; uniform float height; out float fade;
     void main() { fade = mix(0.55, 0.12, position.z / height); gl_Position = projection * view * vec4(position, 1.0); gl_Position.z -= 2e-4 * gl_Position.w; }`,
-  `in float fade; out vec4 colour; void main() { colour = vec4(0.42, 0.49, 0.55, fade); }`],
-  speed: [PARTICLE, SPHERE + `uniform mat4 view; out vec4 colour;
+  `in float fade; out vec4 color; void main() { color = vec4(0.42, 0.49, 0.55, fade); }`],
+  speed: [PARTICLE, SPHERE + `uniform mat4 view; out vec4 color;
     void main() {
       vec3 n = transpose(mat3(view)) * sphere();
       float s = clamp(speed / 4.5, 0.0, 1.0);
       vec3 slow = vec3(0.03, 0.14, 0.42), mid = vec3(0.03, 0.50, 0.72), fast = vec3(0.86, 0.93, 0.90);
       vec3 c = s < 0.5 ? mix(slow, mid, s * 2.0) : mix(mid, fast, s * 2.0 - 1.0);
-      colour = vec4(display(c * (0.45 + 0.65 * max(dot(n, SUN), 0.0) + 0.2 * n.z)), 1.0);
+      color = vec4(display(c * (0.45 + 0.65 * max(dot(n, SUN), 0.0) + 0.2 * n.z)), 1.0);
     }`],
   // Water's surface is the mean of wide soft drops, weighted by how near they are to the eye: single drops stay round,
-  // neighbours flow together, and there is no blur that could leave marks.
+  // neighbors flow together, and there is no blur that could leave marks.
   front: [PARTICLE, DROP + `out float depth;
     // Only a drop's core may stand in front: its soft rim alone would punch a hole into what lies behind it.
     void main() { depth = drop(); if (dot(disc, disc) > 0.31) discard; vec4 clip = projection * vec4(0.0, 0.0, -depth, 1.0); gl_FragDepth = clip.z / clip.w * 0.5 + 0.5; }`],
@@ -131,15 +131,15 @@ const SOURCES = {
   thickness: [PARTICLE, `in vec2 disc; uniform float radius; out float water;
     // a disc of radius 1.9 r and this height holds the particle's volume, (2 r)^3
     void main() { float r2 = dot(disc, disc); if (r2 > 1.0) discard; water = 0.74 * radius * (1.0 - r2); }`],
-  compose: [SCREEN, `in vec2 at; uniform sampler2D scene, sceneDepth, fluid, waterDepth; uniform mat4 view; uniform vec2 lens, range; uniform float lift; out vec4 colour;
-    float metres(float z) { return range.x * range.y / (range.y - z * (range.y - range.x)); }
+  compose: [SCREEN, `in vec2 at; uniform sampler2D scene, sceneDepth, fluid, waterDepth; uniform mat4 view; uniform vec2 lens, range; uniform float lift; out vec4 color;
+    float meters(float z) { return range.x * range.y / (range.y - z * (range.y - range.x)); }
     vec3 place(vec2 q, float d) { return vec3((q * 2.0 - 1.0 - vec2(0.0, lift)) * lens * d, -d); }
     float depthAt(vec2 q) { return texture(fluid, q).r; }
     void main() {
-      vec3 behind = texture(scene, at).rgb; float d = depthAt(at), solid = metres(texture(sceneDepth, at).r);
-      if (d > 1e3 || d > solid) { colour = vec4(behind, 1.0); return; }
+      vec3 behind = texture(scene, at).rgb; float d = depthAt(at), solid = meters(texture(sceneDepth, at).r);
+      if (d > 1e3 || d > solid) { color = vec4(behind, 1.0); return; }
       vec2 px = 1.0 / vec2(textureSize(fluid, 0)); vec3 p = place(at, d);
-      // The flatter of the two neighbours on each axis: normals must not bend around an outline.
+      // The flatter of the two neighbors on each axis: normals must not bend around an outline.
       vec3 r = place(at + vec2(px.x, 0), depthAt(at + vec2(px.x, 0))) - p, l = p - place(at - vec2(px.x, 0), depthAt(at - vec2(px.x, 0)));
       vec3 u = place(at + vec2(0, px.y), depthAt(at + vec2(0, px.y))) - p, b = p - place(at - vec2(0, px.y), depthAt(at - vec2(0, px.y)));
       vec3 n = normalize(cross(abs(r.z) < abs(l.z) ? r : l, abs(u.z) < abs(b.z) ? u : b));
@@ -147,7 +147,7 @@ const SOURCES = {
       float water = texture(waterDepth, at).r;
       water = min(water, max(solid - d, 0.0) + 0.02);
       vec2 aside = at - n.xy * clamp(water, 0.01, 0.12) * 0.25 / (lens * 2.0 * d);
-      if (metres(texture(sceneDepth, aside).r) < d) aside = at;
+      if (meters(texture(sceneDepth, aside).r) < d) aside = at;
       vec3 through = linear(texture(scene, aside).rgb);
       mat3 back = transpose(mat3(view)); vec3 m = back * n, w = back * v;
       vec3 clear = exp(-vec3(15.0, 4.8, 2.3) * water);
@@ -155,9 +155,9 @@ const SOURCES = {
       float fresnel = 0.02 + 0.98 * pow(1.0 - facing, 5.0);
       vec3 reflected = 2.0 * facing * m - w;
       vec3 c = mix(body, surroundings(reflected), fresnel * 0.85) + 0.55 * pow(clamp(dot(reflected, SUN), 0.0, 1.0), 160.0);
-      colour = vec4(display(c), 1.0);
+      color = vec4(display(c), 1.0);
     }`],
-  copy: [SCREEN, `in vec2 at; uniform sampler2D scene; out vec4 colour; void main() { colour = texture(scene, at); }`],
+  copy: [SCREEN, `in vec2 at; uniform sampler2D scene; out vec4 color; void main() { color = texture(scene, at); }`],
 };
 
 function build(gl) {
@@ -234,7 +234,7 @@ function main(data) {
     };
     const frame = gl.createFramebuffer(); gl.bindFramebuffer(gl.FRAMEBUFFER, frame);
     const out = { frame, w, h };
-    if (inner) { out.colour = texture(inner, format, type, filter); gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.TEXTURE_2D, out.colour, 0); }
+    if (inner) { out.color = texture(inner, format, type, filter); gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.TEXTURE_2D, out.color, 0); }
     if (depthTexture) { out.depth = texture(gl.DEPTH_COMPONENT24, gl.DEPTH_COMPONENT, gl.UNSIGNED_INT, gl.NEAREST); gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.DEPTH_ATTACHMENT, gl.TEXTURE_2D, out.depth, 0); }
     return out;
   };
@@ -246,7 +246,7 @@ function main(data) {
   function resize() {
     const ratio = Math.min(window.devicePixelRatio || 1, 2), w = Math.max(2, Math.round(canvas.clientWidth * ratio)), h = Math.max(2, Math.round(canvas.clientHeight * ratio));
     if (targets && canvas.width === w && canvas.height === h) return;
-    if (targets) for (const t of Object.values(targets)) { gl.deleteFramebuffer(t.frame); gl.deleteTexture(t.colour); if (t.depth) gl.deleteTexture(t.depth); }
+    if (targets) for (const t of Object.values(targets)) { gl.deleteFramebuffer(t.frame); gl.deleteTexture(t.color); if (t.depth) gl.deleteTexture(t.depth); }
     canvas.width = w; canvas.height = h;
     targets = { scene: target(w, h, gl.RGBA8, gl.RGBA, gl.UNSIGNED_BYTE, gl.LINEAR, true) };
     if (canWater) {
@@ -317,15 +317,15 @@ function main(data) {
     use("lines", values); gl.bindVertexArray(lines); gl.drawArrays(gl.LINES, 0, 24);
     gl.disable(gl.BLEND); gl.depthMask(true);
 
-    if (!asWater) { gl.disable(gl.DEPTH_TEST); into(null, w, h); use("copy", {}, { scene: targets.scene.colour }); fill(); return; }
+    if (!asWater) { gl.disable(gl.DEPTH_TEST); into(null, w, h); use("copy", {}, { scene: targets.scene.color }); fill(); return; }
     const drop = { ...values, radius: header.radius * 2.6 };
     into(targets.front); gl.clearBufferfv(gl.COLOR, 0, [1e4, 0, 0, 0]); gl.clear(gl.DEPTH_BUFFER_BIT);
     use("front", drop); drawParticles();
     gl.disable(gl.DEPTH_TEST); gl.enable(gl.BLEND); gl.blendFunc(gl.ONE, gl.ONE);
     into(targets.sums); gl.clearBufferfv(gl.COLOR, 0, [0, 0, 0, 0]);
-    use("gather", drop, { front: targets.front.colour }); drawParticles();
+    use("gather", drop, { front: targets.front.color }); drawParticles();
     gl.disable(gl.BLEND); into(targets.fluid);
-    use("surface", drop, { front: targets.front.colour, sums: targets.sums.colour }); fill();
+    use("surface", drop, { front: targets.front.color, sums: targets.sums.color }); fill();
     into(targets.water); gl.clearBufferfv(gl.COLOR, 0, [0, 0, 0, 0]);
     gl.enable(gl.BLEND); gl.blendFunc(gl.ONE, gl.ONE);
     use("thickness", { ...values, radius: header.radius * 1.9 }); drawParticles();
@@ -333,7 +333,7 @@ function main(data) {
     const lensY = Math.tan(fov / 2);
     into(null, w, h);
     use("compose", { view, lift: LIFT, lens: [lensY * aspect, lensY], range: [near, far] },
-      { scene: targets.scene.colour, sceneDepth: targets.scene.depth, fluid: targets.fluid.colour, waterDepth: targets.water.colour });
+      { scene: targets.scene.color, sceneDepth: targets.scene.depth, fluid: targets.fluid.color, waterDepth: targets.water.color });
     fill();
   }
 

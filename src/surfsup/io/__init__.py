@@ -1,0 +1,1 @@
+"""Files: trajectories in HDF5 and the folder of one simulation."""

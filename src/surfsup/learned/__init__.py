@@ -1,0 +1,1 @@
+"""Learned simulators: graph networks, and networks that correct the SPH solver."""

@@ -1,0 +1,1 @@
+"""What training and fitting share: optimizer, learning-rate schedule, checkpoints, stopping."""

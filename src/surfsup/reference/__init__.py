@@ -1,1 +1,0 @@
-"""Ground truth by SPlisHSPlasH, run in a child process."""

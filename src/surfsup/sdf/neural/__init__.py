@@ -1,0 +1,1 @@
+"""Networks as signed distance functions: SIREN and DeepSDF."""

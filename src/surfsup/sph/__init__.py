@@ -1,0 +1,1 @@
+"""The DFSPH solver: neighbor search, pressure solve, boundary handling, collision handling."""

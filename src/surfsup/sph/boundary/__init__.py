@@ -1,0 +1,1 @@
+"""Boundary handling: volume maps of solids, and the walls of the container."""

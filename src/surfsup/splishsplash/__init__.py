@@ -1,0 +1,1 @@
+"""The reference solver SPlisHSPlasH, run in a child process."""

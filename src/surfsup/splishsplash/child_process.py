@@ -1,0 +1,71 @@
+"""The child process that runs one simulation: ``python -m surfsup.splishsplash.child_process SCENE FRAMES STEPS``.
+
+It writes every frame to its standard output as raw float32: positions (N, 3), then velocities (N, 3).
+Before the first comes the number of particles as one int64. What the solver prints goes to standard error.
+
+SPlisHSPlasH allows one simulation a process, and a crash in it must not take the caller down.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+
+import numpy as np
+
+from surfsup.splishsplash.library import load_solver
+
+
+def run(scene_file: str, frames: int, steps_per_frame: int, output: int) -> None:
+    """Simulate ``frames`` frames of ``scene_file`` and write them to the file descriptor ``output``."""
+    solver = load_solver()
+    base = solver.Exec.SimulatorBase()
+    base.init(
+        sceneFile=scene_file,
+        programName="surfsup",
+        useCache=False,
+        outputDir=os.path.join(os.path.dirname(scene_file), "solver-log"),
+        initialPause=False,
+        useGui=False,
+        stopAt=-1.0,
+    )
+    base.initSimulation()
+    base.setValueFloat(base.STOP_AT, 1e9)
+    fluid = solver.Simulation.getCurrent().getFluidModel(0)
+    count = fluid.numActiveParticles()
+    os.write(output, np.int64(count).tobytes())
+    step = 0
+
+    def send_frame() -> None:
+        # The solver sorts particles for speed; a particle's id is its place at the start.
+        order = np.argsort(np.array(fluid.getFieldBuffer("id"), copy=False)[:count])
+        for field in ("position", "velocity"):
+            values = np.array(fluid.getFieldBuffer(field), copy=False)[:count]
+            write_all(output, values[order].astype(np.float32, copy=False).tobytes())
+
+    def after_step() -> None:
+        nonlocal step
+        step += 1
+        if step % steps_per_frame == 0:
+            send_frame()
+        if step == (frames - 1) * steps_per_frame:
+            base.setValueFloat(base.STOP_AT, 1e-9)  # any time that has passed; 0 would mean never
+
+    send_frame()
+    if frames > 1:
+        base.setTimeStepCB(after_step)
+        base.runSimulation()
+    base.cleanup()
+
+
+def write_all(descriptor: int, data: bytes) -> None:
+    """Write ``data`` whole; a pipe takes what fits and says how much that was."""
+    view = memoryview(data)
+    while view:
+        view = view[os.write(descriptor, view) :]
+
+
+if __name__ == "__main__":
+    frames_out = os.dup(1)
+    os.dup2(2, 1)
+    run(sys.argv[1], int(sys.argv[2]), int(sys.argv[3]), frames_out)

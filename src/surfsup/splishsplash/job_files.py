@@ -1,0 +1,105 @@
+"""What the solver is asked to do, as the files that SPlisHSPlasH reads."""
+
+from __future__ import annotations
+
+import json
+import struct
+from pathlib import Path
+
+import numpy as np
+
+from surfsup.scene import PARTICLE_RADIUS
+from surfsup.sph.boundary.volume_map import VolumeMap
+from surfsup.splishsplash.map_file import write_map
+
+SOLVER_STEP = 0.001  # seconds
+STEPS_PER_FRAME = 5
+
+BODY_FILE = "body.obj"  # the solver wants triangles of every body, but looks at none where it is given a map
+
+VOLUME_MAPS = 2
+DFSPH = 4
+FIXED_STEP = 0
+STANDARD_VISCOSITY = 1
+
+
+def solver_scene(
+    gravity: tuple[float, float, float],
+    fluid_files: list[str],
+    velocities: list[tuple[float, float, float]],
+    map_files: list[str],
+) -> dict[str, object]:
+    """The scene file of SPlisHSPlasH: DFSPH, water, fixed step, volume-map boundaries.
+
+    Args:
+        gravity: m/s².
+        fluid_files: particle files beside the scene file, one a block of fluid.
+        velocities: initial velocity of each block in m/s.
+        map_files: volume maps beside the scene file, one a boundary.
+    """
+    bodies = [
+        {"geometryFile": BODY_FILE, "isDynamic": False, "isWall": True, "mapInvert": False, "mapFile": file}
+        for file in map_files
+    ]
+    return {
+        "Configuration": {
+            "particleRadius": PARTICLE_RADIUS,
+            "timeStepSize": SOLVER_STEP,
+            "cflMethod": FIXED_STEP,
+            "gravitation": list(gravity),
+            "simulationMethod": DFSPH,
+            "boundaryHandlingMethod": VOLUME_MAPS,
+            "DFSPH": {"enableDivergenceSolver": True},
+        },
+        "Materials": [
+            {
+                "id": "Fluid",
+                "density0": 1000,
+                "viscosityMethod": STANDARD_VISCOSITY,
+                "Standard viscosity": {"viscosity": 0.01, "viscosityBoundary": 0.0},
+            }
+        ],
+        "FluidModels": [
+            {
+                "id": "Fluid",
+                "particleFile": file,
+                "translation": [0.0, 0.0, 0.0],
+                "scale": [1.0, 1.0, 1.0],
+                "initialVelocity": list(velocity),
+            }
+            for file, velocity in zip(fluid_files, velocities, strict=True)
+        ],
+        "RigidBodies": bodies,
+    }
+
+
+def write_job(
+    folder: Path,
+    gravity: tuple[float, float, float],
+    blocks: list[np.ndarray],
+    velocities: list[tuple[float, float, float]],
+    boundaries: list[VolumeMap],
+) -> Path:
+    """Write scene, particles and boundaries into ``folder``, which is this job's alone.
+
+    Returns:
+        The scene file's path.
+    """
+    (folder / BODY_FILE).write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    fluid_files = [f"fluid-{number}.bgeo" for number in range(len(blocks))]
+    for file, positions in zip(fluid_files, blocks, strict=True):
+        (folder / file).write_bytes(particle_file(positions))
+    map_files = [f"boundary-{number}.cdm" for number in range(len(boundaries))]
+    for file, boundary in zip(map_files, boundaries, strict=True):
+        write_map(folder / file, boundary)
+    path = folder / "scene.json"
+    path.write_text(json.dumps(solver_scene(gravity, fluid_files, velocities, map_files), indent=1))
+    return path
+
+
+def particle_file(positions: np.ndarray) -> bytes:
+    """Positions (N, 3) in Houdini's classic binary geometry format, version 5, big-endian."""
+    count = len(positions)
+    header = b"BgeoV" + struct.pack(">9i", 5, count, 0, 0, 0, 0, 0, 0, 0)
+    points = np.concatenate([positions, np.ones((count, 1))], axis=1).astype(">f4")
+    return header + points.tobytes() + b"\x00\xff"

@@ -1,0 +1,233 @@
+"""The program as a user runs it: in a process of its own, by its files and its exit status."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import av
+import h5py
+import numpy as np
+import pytest
+import torch
+import trimesh
+from safetensors.torch import save_file
+
+from surfsup.io.trajectory import Trajectory
+from surfsup.learned import weights_file
+from surfsup.learned.training_domain import TrainingDomain
+from surfsup.scene import Scene
+from tests.evaluation.scenes import SCENE as FALL
+from tests.evaluation.scenes import free_fall, write
+
+SCENE = """
+surface: {sphere: {radius: 0.2}, at: [0, 0, 0.2]}
+fluid:
+  - block: {min: [-0.15, -0.15, 0.45], max: [0.15, 0.15, 0.6]}
+frames: 30
+"""
+
+
+def surfsup(*arguments, **options):
+    command = [sys.executable, "-m", "surfsup.cli", *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True, timeout=300, check=False, **options)
+
+
+@pytest.fixture
+def scene(tmp_path):
+    path = tmp_path / "scene.yaml"
+    path.write_text(SCENE)
+    return path
+
+
+def test_water_on_a_mesh_leaves_trajectory_page_video_and_summary(tmp_path):
+    mesh = tmp_path / "ball.stl"
+    trimesh.creation.icosphere(3, 25.0).export(mesh)
+    out = tmp_path / "out"
+    done = surfsup(
+        "simulate", mesh, "-o", out, "--frames", 30, "--block-min", -0.1, -0.1, 0.8, "--block-max", 0.1, 0.1, 1.0
+    )
+    assert done.returncode == 0, done.stderr
+    assert "50 x 50 x 50" in done.stdout
+    for name in ("trajectory.h5", "page.html", "video.mp4"):
+        assert name in done.stdout
+        assert (out / name).stat().st_size > 1000
+    summary = json.loads((out / "summary.json").read_text())
+    assert (summary["frames"], summary["penetrations"], summary["out_of_container"]) == (30, 0, 0)
+    with Trajectory(out / "trajectory.h5") as trajectory:
+        assert trajectory.positions.shape == (30, summary["particles"], 3)
+        assert np.isfinite(trajectory.positions[:]).all()
+        assert trajectory.positions[-1][:, 2].mean() < trajectory.positions[0][:, 2].mean() - 0.05
+    with av.open(str(out / "video.mp4")) as video:
+        assert sum(1 for _ in video.decode(video=0)) > 1
+
+
+def test_learned_and_reference_start_alike_and_agree_in_free_fall(scene, tmp_path):
+    for verb in ("simulate", "reference"):
+        done = surfsup(verb, scene, "-o", tmp_path / verb, "--no-page", "--no-video", "--frames", 4)
+        assert done.returncode == 0, done.stderr
+    with Trajectory(tmp_path / "simulate/trajectory.h5") as a, Trajectory(tmp_path / "reference/trajectory.h5") as b:
+        np.testing.assert_allclose(a.positions[0], b.positions[0], atol=1e-6)
+        np.testing.assert_allclose(a.positions[-1], b.positions[-1], atol=2e-3)
+
+
+def test_a_picture_of_a_frame_and_the_page_can_be_made_later(scene, tmp_path):
+    out = tmp_path / "out"
+    surfsup("simulate", scene, "-o", out, "--no-page", "--no-video", "--frames", 3)
+    assert not (out / "page.html").exists()
+    assert surfsup("view", out / "trajectory.h5").returncode == 0
+    assert (out / "page.html").exists()
+    assert surfsup("render", out / "trajectory.h5", "--frame", 2).returncode == 0
+    assert (out / "frame-00002.png").read_bytes().startswith(b"\x89PNG")
+    refused = surfsup("render", out / "trajectory.h5", "--frame", 3)
+    assert (refused.returncode, "has the frames 0 to 2" in refused.stderr) == (2, True)
+
+
+def test_a_model_is_judged_into_a_report_and_its_rollout_can_be_compared_again(tmp_path):
+    truth = write(tmp_path / "falls/00000.h5", *free_fall())
+    (tmp_path / "falls/broken.h5").write_text("not HDF5")
+    done = surfsup("evaluate", "fast", tmp_path / "falls", "-o", tmp_path / "report", "--no-video")
+    assert done.returncode == 0, done.stderr
+    assert "no floor (make it with 'surfsup floor" in done.stdout
+    assert "1 skipped" in done.stdout
+    assert sorted(os.listdir(tmp_path / "report")) == ["report.html", "report.json", "trajectories"]
+    rollout = tmp_path / "report/trajectories/falls/00000.h5"
+    compared = surfsup("compare", rollout, truth, "-o", tmp_path / "new/pair.json")
+    assert compared.returncode == 0, compared.stderr
+    report, pair = (json.loads((tmp_path / name).read_text()) for name in ("report/report.json", "new/pair.json"))
+    assert pair["windows"] == report["scenes"][0]["windows"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "complaint"),
+    [
+        (["simulat"], "Did you mean 'simulate'"),
+        (["simulate"], "Missing argument"),
+        (["simulate", "nothing.obj"], "nothing.obj"),
+        (["simulate", "SCENE", "--frames", "0"], "greater than or equal to 1"),
+        (["simulate", "SCENE", "--model", "nobody"], "there is no model 'nobody'"),
+        (["simulate", "SCENE", "--device", "tpu"], "there is no device 'tpu'"),
+        (["simulate", "SCENE", "--up", "y"], "a scene file places everything itself"),
+        (["simulate", "SCENE", "-o", "SCENE"], "cannot be used as the output folder"),
+        (["generate", "nothing", "-o", "data", "-n", "1"], "there is no recipe 'nothing'"),
+        (["generate", "prim-shapes", "-o", "data", "-n", "0"], "at least 1"),
+        (["train", "nothing", "--data", ".", "--validation", ".", "-o", "run"], "no training preset"),
+        (["train", "sursup", "--data", ".", "--validation", ".", "-o", "run"], "did you mean 'surfsup'"),
+        (["train", "surfsup", "--data", "OTHER", "--validation", ".", "-o", "run"], "0.015 m, so take other data"),
+        (["evaluate", "fast", "OTHER", "-o", "report"], "0.015 m, so take other data"),
+        (["evaluate", "old.safetensors", "OTHER", "-o", "report"], "not weights of a simulator of this version"),
+        (["compare", "OTHER/00000.h5", "OTHER/00000.h5"], "0.015 m, so take other data"),
+        (["evaluate", "fast", ".", "--frames", "0"], "greater than or equal to 1"),
+        (["train", "fast", "--data", ".", "--validation", ".", "-o", "run", "--time", "soon"], "length of time"),
+        (["train", "fast", "width", "--data", ".", "--validation", ".", "-o", "run"], "key=value"),
+        (["train", "fast", "widht=8", "--data", ".", "--validation", ".", "-o", "run"], "did you mean 'width'"),
+        (["train", "fast", "--data", ".", "--validation", ".", "-o", "run"], "no trajectories"),
+        (["train", "fast", "--validation", ".", "-o", "run"], "either --data DIR or --stream RECIPE"),
+        (["train", "fast", "--stream", "nothing", "--validation", ".", "-o", "run"], "no recipe 'nothing'"),
+        (["floor", "."], "no trajectories"),
+        (["evaluate", "fast", ".", "-o", "report"], "no trajectories"),
+        (["evaluate", "fast", ".", "--near", "nan"], "nan is not a length"),
+        (["compare", "SCENE", "nothing.h5"], "not a trajectory"),
+        (["compare", "nothing.h5", "SCENE"], "there is no such trajectory file"),
+        (["view", "SCENE"], "not a trajectory"),
+    ],
+)
+def test_a_mistake_gets_one_line_and_status_2_and_leaves_nothing(arguments, complaint, scene, tmp_path):
+    save_file({"weight": torch.zeros(1)}, tmp_path / "old.safetensors", {"format": "surfsup-simulator-2"})
+    with h5py.File(write(tmp_path / "OTHER/00000.h5", *free_fall(2), scene=FALL.with_frames(2)), "r+") as file:
+        file.attrs["radius"] = 0.025
+    before = sorted(os.listdir(tmp_path))
+    done = surfsup(*[str(scene) if argument == "SCENE" else argument for argument in arguments], cwd=tmp_path)
+    assert done.returncode == 2
+    assert complaint in done.stderr
+    assert len(done.stderr.strip().splitlines()) == 1
+    assert sorted(os.listdir(tmp_path)) == before
+
+
+def test_a_scene_unlike_those_of_training_is_warned_of(scene, tmp_path):
+    simulator, card = weights_file.load(weights_file.find(weights_file.DEFAULT_MODEL))
+    seen = TrainingDomain.of(Scene.load(scene), 1000, 5.0)
+    model = tmp_path / "model.safetensors"
+    weights_file.save(model, simulator, weights_file.Card(card.name, card.about, seen))
+    wide = tmp_path / "wide.yaml"
+    wide.write_text(SCENE + "container: {size: [3, 1, 2]}")
+    for source, told in ((scene, 0), (wide, 1)):
+        done = surfsup(
+            "simulate", source, "--model", model, "-o", tmp_path / "out", "--frames", 2, "--no-page", "--no-video"
+        )
+        assert done.returncode == 0, done.stderr
+        assert done.stderr.count("not trained for a container of 3 x 1 x 2 m") == told
+        assert done.stderr.count("warning") == told
+
+
+def test_without_its_guard_a_model_is_judged_into_another_folder_and_unseen_data_are_warned_of_once(tmp_path):
+    simulator, card = weights_file.load(weights_file.find(weights_file.DEFAULT_MODEL))
+    seen = TrainingDomain.of(FALL.model_copy(update={"surface": None}), 1000, 5.0)
+    weights_file.save(tmp_path / "model.safetensors", simulator, weights_file.Card(card.name, card.about, seen))
+    for name in ("falls/00000.h5", "falls/00001.h5", "falls/00002.h5"):
+        write(tmp_path / name, *free_fall())
+    done = surfsup(
+        *("evaluate", "model.safetensors", "falls", "--no-guard", "--scenes", 2, "--frames", 5, "--no-video"),
+        cwd=tmp_path,
+    )
+    assert done.returncode == 0, done.stderr
+    assert "falls: 2 scenes, no floor" in done.stdout
+    assert "'fast' without the guard, the first 5 frames" in done.stdout
+    assert done.stderr.count("warning: falls: the weights were not trained for a solid of kind 'sphere' (2 of 2") == 1
+    assert done.stderr.count("warning") == 1
+    report = json.loads((tmp_path / "out/report-fast-no-guard/report.json").read_text())
+    assert (report["model"]["handle_collisions"], report["limits"]) == (False, {"scenes": 2, "frames": 5})
+    assert [scene["frames"] for scene in report["scenes"]] == [5, 5]
+
+
+def hear_interrupts() -> None:
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
+def test_an_interrupt_leaves_a_readable_trajectory_and_status_130(scene, tmp_path):
+    out = tmp_path / "out"
+    command = [sys.executable, "-m", "surfsup.cli", "simulate", str(scene), "-o", str(out), "--frames", "20000"]
+    # Where the tests themselves run in the background their children would be born deaf to it.
+    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True, preexec_fn=hear_interrupts) as running:
+        deadline = time.monotonic() + 60
+        written = 0
+        # Some frames, however busy the machine is.
+        while written < 50_000 and running.poll() is None and time.monotonic() < deadline:
+            time.sleep(0.2)
+            written = (out / "trajectory.h5").stat().st_size if (out / "trajectory.h5").exists() else 0
+        running.send_signal(signal.SIGINT)
+        _, told = running.communicate(timeout=60)
+    assert running.returncode == 130, told
+    assert "interrupted" in told
+    with Trajectory(out / "trajectory.h5") as trajectory:
+        assert len(trajectory) == json.loads((out / "summary.json").read_text())["frames"]
+
+
+def test_without_graphics_the_package_is_named_and_no_video_still_works(scene, tmp_path):
+    """Stands in for a machine without libEGL: the loader finds none."""
+    script = (
+        "import ctypes, sys\n"
+        "real = ctypes.CDLL\n"
+        "def without_egl(name, *rest, **more):\n"
+        "    if name and 'EGL' in str(name):\n"
+        "        raise OSError(name)\n"
+        "    return real(name, *rest, **more)\n"
+        "ctypes.CDLL = without_egl\n"
+        "from surfsup.cli import main\n"
+        "main()\n"
+    )
+    base = [sys.executable, "-c", script, "simulate", str(scene), "--frames", "2"]
+    refused = subprocess.run([*base, "-o", str(tmp_path / "a")], capture_output=True, text=True, check=False)
+    assert (refused.returncode, "libegl1" in refused.stderr) == (2, True)
+    assert not (tmp_path / "a").exists()
+    made = subprocess.run([*base, "-o", str(tmp_path / "b"), "--no-video"], capture_output=True, text=True, check=False)
+    assert made.returncode == 0, made.stderr
+
+
+def test_help_and_version_are_instant_and_every_verb_has_an_example():
+    assert surfsup("--version").stdout.strip()
+    verbs = "simulate reference generate floor train evaluate compare view render doctor"
+    for verb in verbs.split():
+        assert f"surfsup {verb}" in surfsup(verb, "--help").stdout

@@ -1,0 +1,151 @@
+import json
+import pickle
+from pathlib import Path
+
+import pytest
+import torch
+from safetensors.torch import load_file, save_file
+
+from surfsup.errors import InputError
+from surfsup.learned import weights_file
+from surfsup.learned.corrected.simulator import Architecture, CorrectedSimulator
+
+ARCHITECTURE = Architecture(width=8, layers=3, radius=0.05)
+
+
+@pytest.fixture
+def simulator() -> CorrectedSimulator:
+    torch.manual_seed(3)
+    return CorrectedSimulator(ARCHITECTURE)
+
+
+@pytest.fixture
+def path(tmp_path, simulator) -> Path:
+    path = tmp_path / "model.safetensors"
+    weights_file.save(path, simulator, weights_file.Card("a name", "about it"))
+    return path
+
+
+def header(**changes: str) -> dict[str, str]:
+    card = json.dumps({"name": "a", "about": "b"})
+    sizes = json.dumps({"width": 8, "layers": 3, "radius": 0.05})
+    return {"format": weights_file.FORMAT, "architecture": sizes, "card": card, **changes}
+
+
+def complaint(path: Path) -> str:
+    with pytest.raises(InputError) as error:
+        weights_file.load(path)
+    assert "\n" not in str(error.value)
+    assert str(error.value).startswith(str(path))
+    return str(error.value)
+
+
+def test_weights_come_back_bit_for_bit_with_their_architecture_and_card(path, simulator):
+    loaded, card = weights_file.load(path)
+    assert loaded.architecture == ARCHITECTURE
+    assert card == weights_file.Card("a name", "about it")
+    assert set(loaded.state_dict()) == set(simulator.state_dict())
+    for name, value in simulator.state_dict().items():
+        assert torch.equal(loaded.state_dict()[name], value)
+    assert not loaded.training
+    assert not any(parameter.requires_grad for parameter in loaded.parameters())
+
+
+def test_saving_again_replaces_the_file_and_leaves_no_other(path, simulator):
+    weights_file.save(path, simulator, weights_file.Card("another", ""))
+    assert weights_file.load(path)[1].name == "another"
+    assert [entry.name for entry in path.parent.iterdir()] == [path.name]
+
+
+@pytest.mark.parametrize("share", [0.0, 0.001, 0.3, 0.99])
+def test_a_file_cut_off_is_one_line(path, share):
+    path.write_bytes(path.read_bytes()[: int(share * path.stat().st_size)])
+    assert "cut off" in complaint(path)
+
+
+def test_a_missing_file_or_a_folder_is_one_line(tmp_path):
+    assert "no such weights file" in complaint(tmp_path / "absent.safetensors")
+    assert "no such weights file" in complaint(tmp_path)
+
+
+class Bomb:
+    def __reduce__(self):
+        return (Path.touch, (Path(self.mark),))
+
+
+def test_nothing_is_ever_unpickled(tmp_path):
+    bomb = Bomb()
+    bomb.mark = str(tmp_path / "exploded")
+    for name, write in (("pickle", pickle.dump), ("torch", torch.save)):
+        path = tmp_path / f"{name}.safetensors"
+        with path.open("wb") as file:
+            write({"weights": bomb}, file)
+        assert "pickled weights are refused" in complaint(path)
+    assert not (tmp_path / "exploded").exists()
+    with (tmp_path / "pickle.safetensors").open("rb") as file:
+        pickle.load(file)
+    assert (tmp_path / "exploded").exists(), "the bomb was a real one"
+
+
+@pytest.mark.parametrize("metadata", [None, {}, {"format": "another-program-7"}])
+def test_a_file_of_another_format_is_named(path, metadata):
+    save_file(load_file(path), path, metadata=metadata)
+    assert "not weights of a simulator of this version" in complaint(path)
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"architecture": "{"},
+        {"architecture": "[]"},
+        {"architecture": '{"depth": 3}'},
+        {"architecture": '{"width": 9, "layers": 3, "radius": 0.05}'},
+        {"architecture": '{"width": 8, "layers": 4, "radius": 0.05}'},
+        {"architecture": '{"width": 8, "layers": 2, "radius": 0.05}'},
+        {"architecture": '{"width": 8, "layers": 1000000000000, "radius": 0.05}'},
+        {"architecture": '{"width": 1000000000, "layers": 3, "radius": 0.05}'},
+        {"architecture": '{"width": "8", "layers": 3, "radius": 0.05}'},
+        {"architecture": '{"width": 8, "layers": 3, "radius": "wide"}'},
+        {"architecture": '{"width": 8, "layers": 3, "radius": NaN}'},
+        {"architecture": '{"width": 8, "layers": 3, "radius": -1.0}'},
+        {"card": "{}"},
+        {"card": "7"},
+        {"card": '{"name": "a", "about": "b", "seen": 7}'},
+        {"card": '{"name": "a", "about": "b", "seen": {"sides": [1, 2]}}'},
+    ],
+)
+def test_a_header_that_does_not_fit_is_one_line(path, changes):
+    save_file(load_file(path), path, metadata=header(**changes))
+    assert "do not fit" in complaint(path)
+
+
+def test_a_header_without_its_parts_is_one_line(path):
+    save_file(load_file(path), path, metadata={"format": weights_file.FORMAT})
+    assert "do not fit" in complaint(path)
+
+
+def test_tensors_of_another_shape_or_number_are_one_line(path):
+    tensors = load_file(path)
+    name = next(iter(tensors))
+    for spoiled in (
+        {**tensors, name: torch.zeros(3, 3)},
+        {key: value for key, value in tensors.items() if key != name},
+        {**tensors, "one.too.many": torch.zeros(2)},
+        {},
+    ):
+        save_file(spoiled, path, metadata=header())
+        assert "do not fit" in complaint(path)
+
+
+def test_a_model_is_found_by_the_name_it_ships_under_or_by_its_file(path, monkeypatch):
+    monkeypatch.setattr(weights_file, "shipped", lambda: {"fast": Path("the/shipped/one")})
+    assert weights_file.find("fast") == Path("the/shipped/one")
+    assert weights_file.find(str(path)) == path
+    with pytest.raises(InputError, match="no model 'secnd'; shipped are fast"):
+        weights_file.find("secnd")
+
+
+def test_what_ships_loads():
+    for name, path in weights_file.shipped().items():
+        _, card = weights_file.load(path)
+        assert card.about, name

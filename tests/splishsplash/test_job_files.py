@@ -1,0 +1,50 @@
+import json
+import struct
+
+import numpy as np
+import pytest
+
+from surfsup.sdf import Sphere
+from surfsup.sph.boundary.volume_map import volume_map
+from surfsup.splishsplash.job_files import particle_file, solver_scene, write_job
+
+
+@pytest.fixture(scope="module")
+def ball():
+    return volume_map(Sphere(0.1), np.full(3, -0.2), np.full(3, 0.2), np.full(3, 0.05))
+
+
+def test_the_solver_is_asked_for_what_the_paper_used():
+    scene = solver_scene((0.0, 0.0, -9.81), ["a.bgeo"], [(0.0, 0.0, 0.0)], ["walls.cdm", "solid.cdm"])
+    settings = scene["Configuration"]
+    assert settings["particleRadius"] == 0.015
+    assert settings["timeStepSize"] == 0.001
+    assert settings["cflMethod"] == 0
+    assert settings["simulationMethod"] == 4
+    assert settings["boundaryHandlingMethod"] == 2
+    assert [body["mapFile"] for body in scene["RigidBodies"]] == ["walls.cdm", "solid.cdm"]
+
+
+def test_every_block_has_a_file_and_a_velocity_and_every_boundary_a_map(tmp_path, ball):
+    blocks = [np.zeros((2, 3), np.float32), np.ones((3, 3), np.float32)]
+    path = write_job(tmp_path, (0, 0, -1), blocks, [(0, 0, 0), (1, 2, 3)], [ball, ball])
+    scene = json.loads(path.read_text())
+    assert [model["initialVelocity"] for model in scene["FluidModels"]] == [[0, 0, 0], [1, 2, 3]]
+    for model, block in zip(scene["FluidModels"], blocks, strict=True):
+        assert (path.parent / model["particleFile"]).read_bytes() == particle_file(block)
+    assert len(scene["RigidBodies"]) == 2
+    for body in scene["RigidBodies"]:
+        assert (path.parent / body["geometryFile"]).exists()
+        assert (path.parent / body["mapFile"]).stat().st_size > 10_000
+
+
+@pytest.mark.parametrize("count", [1, 5])
+def test_the_particle_file_is_houdinis_format(count):
+    positions = np.arange(3 * count, dtype=np.float32).reshape(-1, 3)
+    data = particle_file(positions)
+    assert data[:5] == b"BgeoV"
+    assert struct.unpack(">2i", data[5:13]) == (5, count)
+    points = np.frombuffer(data[41:-2], dtype=">f4").reshape(count, 4)
+    np.testing.assert_array_equal(points[:, :3], positions)
+    assert (points[:, 3] == 1).all()
+    assert data[-2:] == b"\x00\xff"

@@ -1,0 +1,226 @@
+import json
+import os
+import signal
+import subprocess
+import tempfile
+
+import numpy as np
+import pytest
+
+from surfsup.errors import InputError
+from surfsup.io.trajectory import Provenance, Trajectory, TrajectoryWriter
+from surfsup.scene import FRAME_TIME, Block, Scene
+from surfsup.splishsplash import job_files, solver
+
+try:
+    solver.require()
+except InputError as missing:
+    pytest.skip(str(missing), allow_module_level=True)
+
+STEP = 0.001
+SMALL = (
+    "container: {size: [0.4, 0.4, 0.4]}\n"
+    "fluid:\n"
+    "- block: {min: [-0.12, -0.12, 0.2], max: [0, 0, 0.32]}\n"
+    "- block: {min: [0.05, 0.05, 0.2], max: [0.14, 0.14, 0.32], velocity: [0.1, 0, 0.5]}\n"
+)
+ONE_BLOCK = "container: {size: [0.4, 0.4, 0.4]}\nfluid: [{block: {min: [-0.1, -0.1, 0.2], max: [0.05, 0.05, 0.35]}}]\n"
+
+
+def scene(text: str) -> Scene:
+    return Scene.from_yaml(text, "test")
+
+
+def run(made: Scene) -> tuple[np.ndarray, np.ndarray]:
+    surface = made.build_surface()
+    frames = list(solver.simulate(made, surface, made.start(surface)))
+    return tuple(np.stack(values) for values in zip(*frames, strict=True))
+
+
+@pytest.fixture(autouse=True)
+def scratch(tmp_path, monkeypatch):
+    """Where the jobs of a test lie; nothing may be left of them."""
+    folder = tmp_path / "scratch"
+    folder.mkdir()
+    monkeypatch.setattr(tempfile, "tempdir", str(folder))
+    yield folder
+    assert list(folder.iterdir()) == []
+
+
+def test_free_fall_is_the_solvers_semi_implicit_euler():
+    made = scene(SMALL + "frames: 8")
+    start = made.start(None)
+    positions, velocities = run(made)
+    assert positions.dtype == velocities.dtype == np.float32
+    assert positions.shape == velocities.shape == (8, 39, 3)
+    np.testing.assert_array_equal(positions[0], start.positions)
+    np.testing.assert_array_equal(velocities[0], start.particle_velocities)
+    x, v = start.positions.astype(np.float64), start.particle_velocities.astype(np.float64)
+    for frame in range(1, 8):
+        for _ in range(round(FRAME_TIME / STEP)):
+            v = v + STEP * np.array(made.gravity)
+            x = x + STEP * v
+        np.testing.assert_allclose(positions[frame], x, atol=1e-6)
+        np.testing.assert_allclose(velocities[frame], v, atol=1e-5)
+
+
+def test_particles_keep_their_number_when_the_solver_sorts_them():
+    # It sorts every 500 steps, that is every 100 frames.
+    made = scene(
+        "container: {size: [0.4, 0.4, 0.4]}\ngravity: [0, 0, 0]\nframes: 210\n"
+        "fluid: [{block: {min: [-0.1, -0.1, 0.1], max: [0.05, 0.05, 0.25], velocity: [0.03, 0, 0]}}]"
+    )
+    positions, _ = run(made)
+    moved = 0.03 * FRAME_TIME * np.arange(210)[:, None, None] * np.array([1, 0, 0])
+    np.testing.assert_allclose(positions, made.start(None).positions + moved, atol=1e-5)
+
+
+def test_water_comes_to_rest_on_the_floor_inside_the_container():
+    made = scene(SMALL + "frames: 200")
+    positions, velocities = run(made)
+    assert (np.abs(positions[..., :2]) < 0.2).all()
+    assert (positions[..., 2] > 0).all()
+    assert positions[-1, :, 2].max() < 0.1
+    assert np.linalg.norm(velocities[-1], axis=-1).mean() < 0.5
+
+
+def test_a_run_on_one_thread_repeats_bit_for_bit():
+    made = scene(SMALL + "frames: 60")
+    first, second = run(made), run(made)
+    np.testing.assert_array_equal(first[0], second[0])
+    np.testing.assert_array_equal(first[1], second[1])
+
+
+def test_water_stays_out_of_the_solid():
+    made = scene(ONE_BLOCK + "surface: {sphere: {radius: 0.08}, at: [0, 0, 0.06]}\nframes: 40")
+    positions, _ = run(made)
+    from_center = np.linalg.norm(positions - [0, 0, 0.06], axis=-1)
+    assert from_center.min() > 0.08
+    assert np.abs(positions[-1] - positions[0]).max() > 0.05
+
+
+def test_one_frame_is_the_start():
+    made = scene(SMALL + "frames: 1")
+    positions, _ = run(made)
+    np.testing.assert_array_equal(positions, made.start(None).positions[None])
+
+
+@pytest.mark.parametrize("size", [(0.15, 0.12, 0.09), (0.18, 0.09, 0.24)])
+def test_a_block_of_whole_spacings_holds_what_the_solver_itself_would_put_there(tmp_path, log, size):
+    low = (-0.1, -0.1, 0.1)
+    block = Block(min=low, max=tuple(a + b for a, b in zip(low, size, strict=True)))
+    ours = block.positions()
+    path = job_files.write_job(tmp_path, (0, 0, 0), [ours], [(0, 0, 0)], [])
+    description = json.loads(path.read_text())
+    del description["FluidModels"]
+    description["FluidBlocks"] = [{"id": "Fluid", "denseMode": 0, "start": block.min, "end": block.max}]
+    path.write_text(json.dumps(description))
+    ((theirs, _),) = solver.run_child(path, 1, len(ours), 1, log)
+
+    def in_order(positions: np.ndarray) -> np.ndarray:
+        return positions[np.lexsort(np.round(positions, 4).T)]
+
+    np.testing.assert_allclose(in_order(theirs), in_order(ours), atol=1e-6)
+
+
+@pytest.fixture
+def log():
+    with tempfile.TemporaryFile() as file:
+        yield file
+
+
+@pytest.fixture
+def children(monkeypatch):
+    """The child processes that the solver starts."""
+    started = []
+
+    class Recorded(subprocess.Popen):
+        def __init__(self, *arguments, **options):
+            super().__init__(*arguments, **options)
+            started.append(self)
+
+    monkeypatch.setattr(subprocess, "Popen", Recorded)
+    return started
+
+
+def test_a_killed_solver_is_one_line(children):
+    made = scene(SMALL + "frames: 5000")
+    frames = solver.simulate(made, None, made.start(None))
+    next(frames)
+    os.kill(children[0].pid, signal.SIGKILL)
+    with pytest.raises(solver.SolverError, match="ended with signal 9 before frame") as error:
+        for _ in frames:
+            pass
+    assert "\n" not in str(error.value)
+
+
+def test_what_was_simulated_before_a_crash_is_kept(children, tmp_path):
+    made = scene(SMALL + "frames: 5000")
+    start = made.start(None)
+    with (
+        pytest.raises(solver.SolverError),
+        TrajectoryWriter(tmp_path / "a.h5", made, Provenance(solver.NAME), len(start.positions)) as out,
+    ):
+        for number, frame in enumerate(solver.simulate(made, None, start)):
+            out.append(*frame)
+            if number == 10:
+                os.kill(children[0].pid, signal.SIGKILL)
+    with Trajectory(tmp_path / "a.h5") as trajectory:
+        assert len(trajectory) >= 11
+
+
+def test_a_scene_that_the_solver_cannot_read_is_one_line(tmp_path, log):
+    path = tmp_path / "broken.json"
+    path.write_text("{")
+    with pytest.raises(solver.SolverError, match="before frame 0") as error:
+        list(solver.run_child(path, 3, 10, 1, log))
+    assert "\n" not in str(error.value)
+
+
+def test_another_number_of_particles_than_asked_for_is_an_error(tmp_path, log):
+    start = scene(ONE_BLOCK).start(None)
+    path = job_files.write_job(tmp_path, (0, 0, 0), start.blocks, start.velocities, [])
+    with pytest.raises(solver.SolverError, match="started with 64 particles instead of 65"):
+        list(solver.run_child(path, 1, 65, 1, log))
+
+
+def test_closing_the_generator_ends_the_child_and_cleans_up(children):
+    made = scene(SMALL + "frames: 5000")
+    frames = solver.simulate(made, None, made.start(None))
+    next(frames)
+    assert children[0].poll() is None
+    frames.close()
+    assert children[0].returncode == -signal.SIGKILL
+
+
+def test_an_interrupt_ends_the_child_and_cleans_up(children):
+    made = scene(SMALL + "frames: 5000")
+    frames = solver.simulate(made, None, made.start(None))
+    next(frames)
+    with pytest.raises(KeyboardInterrupt):
+        frames.throw(KeyboardInterrupt())
+    assert children[0].returncode is not None
+
+
+def test_nothing_is_left_on_the_disk_once_the_solver_is_under_way(scratch):
+    made = scene(SMALL + "frames: 5000")
+    frames = solver.simulate(made, None, made.start(None))
+    next(frames)
+    assert len(list(scratch.iterdir())) == 1
+    next(frames), next(frames)
+    assert list(scratch.iterdir()) == []  # so that even a killed run leaves nothing
+    frames.close()
+
+
+def test_a_solver_that_is_not_installed_is_said_so_through_the_child(tmp_path, monkeypatch):
+    (tmp_path / "pysplishsplash.py").write_text("raise ModuleNotFoundError('No module named pysplishsplash')")
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    made = scene(SMALL)
+    with pytest.raises(InputError, match=r"^the reference solver is not installed: pip install"):
+        next(solver.simulate(made, None, made.start(None)))
+    with pytest.raises(InputError, match=r"^the reference solver is not installed: pip install"):
+        solver.require()
+
+
+def test_an_installed_solver_is_not_complained_about():
+    solver.require()
