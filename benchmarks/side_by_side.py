@@ -16,7 +16,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-PRESETS = ("surfsup", "gns", "value-only", "no-sdf", "surfsup-velocity")
+PRESETS = ("surfsup", "gns", "value-only", "no-sdf")
 WINDOW = "all"
 # Table 2: Chamfer, Chamfer Surface and number inside on Prim-Shapes.
 PAPER_PRIMITIVES = {

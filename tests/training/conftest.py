@@ -19,7 +19,7 @@ SCENE = Scene.from_yaml(
     "fluid: [{block: {min: [-0.08, -0.08, 0.22], max: [0.07, 0.07, 0.44], velocity: [0, 0, -1.4]}}]",
     "test",
 )
-MESSAGE_PASSING = ("surfsup", "surfsup-velocity", "value-only", "no-sdf", "gns")
+MESSAGE_PASSING = ("surfsup", "value-only", "no-sdf", "gns")
 
 
 def write_fall(path, scene: Scene) -> None:

@@ -35,7 +35,7 @@ def test_a_configuration_survives_the_way_through_json():
     assert TrainingConfig.model_validate_json(config.model_dump_json()) == config
 
 
-@pytest.mark.parametrize("name", ["surfsup", "surfsup-velocity", "value-only", "no-sdf", "gns"])
+@pytest.mark.parametrize("name", ["surfsup", "value-only", "no-sdf", "gns"])
 def test_the_papers_networks_differ_in_their_kind_alone(name):
     config = load_config(name)
     assert config == load_config("surfsup").model_copy(update={"kind": name})

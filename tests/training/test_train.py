@@ -17,7 +17,7 @@ from tests.training.conftest import Stop, assert_same, batch_of, config, message
 
 
 @pytest.mark.parametrize(
-    "of", [config(), config(optimizer="soap"), message_passing("surfsup-velocity"), message_passing("gns")]
+    "of", [config(), config(optimizer="soap"), message_passing("surfsup"), message_passing("gns")]
 )
 def test_a_resumed_run_is_bit_for_bit_the_undisturbed_one(tmp_path, data, of):
     straight = Run(of, tmp_path / "straight")

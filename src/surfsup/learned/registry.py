@@ -6,10 +6,9 @@ from surfsup.learned.corrected.simulator import CorrectedSimulator
 from surfsup.learned.message_passing.gns import Gns
 from surfsup.learned.message_passing.no_sdf import NoSdf
 from surfsup.learned.message_passing.surfsup import Surfsup
-from surfsup.learned.message_passing.surfsup_velocity import SurfsupVelocity
 from surfsup.learned.message_passing.value_only import ValueOnly
 from surfsup.sph.simulator import Simulator
 
 KINDS: dict[str, type[Simulator]] = {
-    simulator.kind: simulator for simulator in (CorrectedSimulator, Surfsup, SurfsupVelocity, ValueOnly, NoSdf, Gns)
+    simulator.kind: simulator for simulator in (CorrectedSimulator, Surfsup, ValueOnly, NoSdf, Gns)
 }

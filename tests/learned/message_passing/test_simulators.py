@@ -53,26 +53,6 @@ def test_the_order_of_particles_does_not_matter(kind):
 
 PINNED = {
     "surfsup": [1.1658841, 0.7060784, -2.8615203, 1.1383523, 0.6163803, -2.7333502, 1.1642656, 0.70988, -2.8641672],
-    "surfsup-velocity": [
-        1.1288748,
-        0.3723015,
-        -2.4500239,
-        1.4339865,
-        1.2403065,
-        -1.6694544,
-        1.1408239,
-        0.3966288,
-        -2.4892675,
-        1.4536893,
-        1.2574442,
-        -1.7083852,
-        1.0467155,
-        0.6952372,
-        -2.7301882,
-        1.4253863,
-        1.5301199,
-        -1.9860158,
-    ],
     "value-only": [1.1652752, 0.6935974, -2.8469083, 1.1059872, 0.5227475, -2.595932, 1.1706856, 0.565266, -2.7083348],
     "no-sdf": [1.1441823, 0.435029, -2.5357097, 1.1057504, 0.4692918, -2.5357195, 1.1720763, 0.5547171, -2.69789],
     "gns": [1.1651136, 0.4033604, -2.5211099, 1.1684107, 0.4377821, -2.563027, 1.1304502, 0.62969, -2.740381],
@@ -134,14 +114,6 @@ def test_no_sdf_ignores_the_surface_and_the_others_do_not():
         assert same == (kind == "no-sdf"), kind
 
 
-def test_only_surfsup_velocity_sees_the_end_velocity():
-    for kind in PAPERS:
-        made, state = simulator(kind), water()
-        other = History(state.positions, state.velocities + 1, state.moves)
-        same = torch.equal(predicted(made, state, around(ball())), predicted(made, other, around(ball())))
-        assert same == (kind != "surfsup-velocity"), kind
-
-
 def test_the_surface_particles_of_gns_stay_where_they_are():
     made, surroundings = simulator("gns"), around(ball())
     before = made.particles.on(surroundings.surface).clone()
@@ -183,7 +155,7 @@ def test_what_is_wanted_leads_to_the_true_next_step(kind):
     assert wanted.shape == (40, made.outputs)
     after, speeds = made.advance(state, wanted)
     torch.testing.assert_close(after, state.positions + move)
-    torch.testing.assert_close(speeds, velocities if kind == "surfsup-velocity" else move / FRAME_TIME)
+    torch.testing.assert_close(speeds, move / FRAME_TIME)
 
 
 @kinds
@@ -193,7 +165,7 @@ def test_from_a_noisy_state_the_wanted_step_undoes_the_noise_of_the_move_alone(k
     move = 0.01 * torch.randn(40, 3).double()
     after, _ = made.advance(noisy, made.wanted(noisy, move, state.velocities))
     torch.testing.assert_close(after - noisy.positions, move)
-    assert (noisy.velocities != state.velocities).any() == (kind == "surfsup-velocity")
+    assert torch.equal(noisy.velocities, state.velocities)
 
 
 @kinds
@@ -220,8 +192,6 @@ def test_a_network_that_predicts_no_change_but_gravity_falls_freely(kind, histor
         for parameter in made.network.decoder[-1].parameters():
             parameter.zero_()
         made.accelerations.mean.copy_(step**2 * GRAVITY)
-        if kind == "surfsup-velocity":
-            made.gains.mean.copy_(step**2 * GRAVITY)
     surroundings = around(ball(torch.float64), torch.float64)
     start, velocities = torch.tensor([[0.1, 0.1, 1.5]]).double(), torch.tensor([[0.5, 0.0, 0.3]]).double()
     rollout = made.rollout(made.start(start, velocities, surroundings), surroundings, 8)

@@ -48,7 +48,7 @@ def test_a_kind_that_is_not_known_is_one_line(tmp_path):
         weights_file.load(path)
 
 
-@pytest.mark.parametrize("other", ["convolution", "no-sdf", "value-only", "surfsup-velocity", "gns"])
+@pytest.mark.parametrize("other", ["convolution", "no-sdf", "value-only", "gns"])
 def test_weights_of_one_kind_are_not_taken_for_another(other, tmp_path):
     path = with_header(saved(tmp_path, "surfsup"), kind=other)
     with pytest.raises(InputError, match="do not fit its architecture"):
