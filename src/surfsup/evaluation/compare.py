@@ -9,10 +9,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from surfsup.evaluation.metrics import NEAR, NO_CHAMFER, chamfer_of, chamfer_surface, highest_density, nearest, tree
+from surfsup.evaluation.metrics import NO_CHAMFER, chamfer_of, chamfer_surface, highest_density, nearest, tree
 from surfsup.evaluation.near_surface import surface_for_metrics
 from surfsup.evaluation.trajectory_statistics import Course, Frame, Observer
 from surfsup.io.trajectory import Trajectory
+from surfsup.scene import NEAR_SURFACE_DISTANCE
 
 BLOCK = 16  # frames that are read at once; memory holds no more of a trajectory than that
 DENSITY_EVERY = 10  # frames
@@ -58,7 +59,7 @@ class Comparison:
 def compare(
     truth: Trajectory,
     others: Sequence[Trajectory],
-    threshold: float = NEAR,
+    threshold: float = NEAR_SURFACE_DISTANCE,
     tell: Callable[[int, int], None] = lambda done, total: None,
 ) -> list[Comparison]:
     """Compare each of ``others`` with ``truth``, over the frames that all of them have.

@@ -10,10 +10,10 @@ from pathlib import Path
 from surfsup.errors import InputError
 from surfsup.evaluation.compare import Comparison, compare
 from surfsup.evaluation.load_trajectories import Truth
-from surfsup.evaluation.metrics import NEAR
 from surfsup.evaluation.rollout import roll_out
 from surfsup.evaluation.scores import ByWindow, mean_scores, scores
 from surfsup.io.trajectory import Trajectory
+from surfsup.scene import NEAR_SURFACE_DISTANCE
 from surfsup.sph.simulator import Simulator
 
 ROLLOUTS = "trajectories"  # folder in the report
@@ -66,7 +66,7 @@ def judge_file(
     path: Path,
     truth: Path,
     floors: Sequence[Path] = (),
-    threshold: float = NEAR,
+    threshold: float = NEAR_SURFACE_DISTANCE,
     tell: Callable[[int, int], None] = lambda done, total: None,
 ) -> Judgment:
     """Judge the trajectory in ``path`` by the one in ``truth``, over the frames that all files have.
@@ -98,7 +98,7 @@ def evaluate(
     report: Path,
     device: str,
     handle_collisions: bool = True,
-    threshold: float = NEAR,
+    threshold: float = NEAR_SURFACE_DISTANCE,
     tell: Callable[[int, int], None] = lambda done, total: None,
 ) -> list[JudgedScene]:
     """Roll ``model`` out beside every one of ``truths`` and judge it.

@@ -169,7 +169,7 @@ def difference(one: Scene, other: Scene) -> str | None:
     root = Path("/")
     if one.container != other.container:
         return "containers"
-    if one.with_files_from(root).surface != other.with_files_from(root).surface:
+    if one.with_paths_relative_to(root).surface != other.with_paths_relative_to(root).surface:
         return "surfaces"
     if one.gravity != other.gravity:
         return "gravities"

@@ -13,7 +13,6 @@ from scipy.spatial import cKDTree
 
 from surfsup.scene import SPACING
 
-NEAR = 0.09  # meters; the supplement's α': particles with a smaller distance are near the surface
 SUPPORT = 2 * SPACING  # meters, the reach of the solver's smoothing kernel
 MOST_NEIGHBOURS = 64  # about 33 fit into the kernel at rest
 

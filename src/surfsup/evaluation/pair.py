@@ -11,10 +11,10 @@ from surfsup.errors import InputError
 from surfsup.evaluation.evaluate import Judgment, judge_file
 from surfsup.evaluation.floor import HOW_TO_MAKE
 from surfsup.evaluation.load_trajectories import Skipped, difference, usable_floors
-from surfsup.evaluation.metrics import NEAR
 from surfsup.evaluation.report import definitions, judgment_entry
 from surfsup.evaluation.table import judgment_text
 from surfsup.io.trajectory import Trajectory
+from surfsup.scene import NEAR_SURFACE_DISTANCE
 
 
 @dataclass(frozen=True)
@@ -56,7 +56,7 @@ class Pair:
 def judge_pair(
     judged: Path,
     truth: Path,
-    threshold: float = NEAR,
+    threshold: float = NEAR_SURFACE_DISTANCE,
     tell: Callable[[int, int], None] = lambda done, total: None,
 ) -> Pair:
     """Judge the trajectory file ``judged`` by the one of ``truth``, over the frames that both have.
@@ -74,7 +74,7 @@ def judge_pair(
         frames = min(len(one), len(other))
         if frames == 0:
             raise InputError(f"{judged if len(one) == 0 else truth}: has no frames")
-        remarks = [f"{judged} ({one.provenance.model}) judged by {truth} ({other.provenance.model})"]
+        remarks = [f"{judged} ({one.provenance.simulator}) judged by {truth} ({other.provenance.simulator})"]
         if len(one) != len(other):
             remarks.append(f"{len(one)} frames and {len(other)}: the first {frames}, which both have, are compared")
         counts = one.positions.shape[1], other.positions.shape[1]

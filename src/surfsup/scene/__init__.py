@@ -1,11 +1,12 @@
 """Scenes: a surface and blocks of fluid in a container."""
 
-from surfsup.scene.fluid import PARTICLE_RADIUS, SPACING, Block, Fluid, Start
+from surfsup.scene.fluid import NEAR_SURFACE_DISTANCE, PARTICLE_RADIUS, SPACING, Block, Fluid, InitialParticles
 from surfsup.scene.scene import FRAME_TIME, SURFACE_CLEARANCE, WALL_CELL, WALL_CLEARANCE, Container, Scene
 from surfsup.scene.shapes import Shape
 
 __all__ = [
     "FRAME_TIME",
+    "NEAR_SURFACE_DISTANCE",
     "PARTICLE_RADIUS",
     "SPACING",
     "SURFACE_CLEARANCE",

@@ -12,6 +12,7 @@ from surfsup.scene.shapes import Description, Vector
 
 PARTICLE_RADIUS = 0.015  # meters
 SPACING = 2 * PARTICLE_RADIUS
+NEAR_SURFACE_DISTANCE = 6 * PARTICLE_RADIUS  # meters; a closer particle is near the surface (SURFSUP supplement)
 MOST_PARTICLES = 50_000_000  # in a block; their positions alone are 0.6 GB
 
 
@@ -59,7 +60,7 @@ class Fluid(Description):
 
 
 @dataclass(frozen=True)
-class Start:
+class InitialParticles:
     """The particles of a scene on their lattice, at the velocities of their blocks.
 
     Attributes:
@@ -78,7 +79,7 @@ class Start:
         return np.concatenate(self.blocks)
 
     @property
-    def particle_velocities(self) -> np.ndarray:
+    def velocities(self) -> np.ndarray:
         """The velocity of each particle (N, 3) float32 in m/s."""
         return np.concatenate(
             [

@@ -6,11 +6,12 @@ import torch
 
 from surfsup.datasets.windows import Window, Windows
 from surfsup.learned.message_passing.history import History
+from surfsup.scene import NEAR_SURFACE_DISTANCE
 from surfsup.sph.neighbor_search import find_neighbors
 from surfsup.training.batches import EXAMPLES, prepare, read_batch
 from surfsup.training.config import Phase
 from surfsup.training.objectives import Batch
-from surfsup.training.objectives.acceleration import NEAR_SURFACE, NEAR_WEIGHT
+from surfsup.training.objectives.acceleration import NEAR_WEIGHT
 from surfsup.training.objectives.density_loss import density_loss
 from surfsup.training.objectives.strayed import FASTEST
 from surfsup.training.run import Run
@@ -33,7 +34,7 @@ def test_the_loss_is_the_weighted_squared_error_of_the_normalized_acceleration(r
     acceleration = places[2] - 2 * places[1] + places[0]
     wanted = (acceleration - model.accelerations.mean) / model.accelerations.spread
     error = (model.predict(model.observe(model.state_after(*window.up_to_now), window.environment)) - wanted).square()
-    near = window.environment.distance_and_normal(places[1])[0] < NEAR_SURFACE
+    near = window.environment.distance_and_normal(places[1])[0] < NEAR_SURFACE_DISTANCE
     assert 0 < near.sum() < len(near)
     weight = torch.where(near, NEAR_WEIGHT, 1.0)
     torch.testing.assert_close(loss, (weight * error.mean(dim=1)).mean())

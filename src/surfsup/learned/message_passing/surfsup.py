@@ -9,10 +9,10 @@ from torch import Tensor
 
 from surfsup.learned.message_passing.history import History
 from surfsup.learned.message_passing.simulator import MessagePassingSimulator
+from surfsup.scene import NEAR_SURFACE_DISTANCE
 from surfsup.sph.state import Environment
 
-NEAR = 0.09  # meters: the supplement's near-surface threshold, six particle radii
-FARTHEST = 2.0  # of NEAR: what is farther is told as this far
+FARTHEST = 2.0  # of NEAR_SURFACE_DISTANCE: what is farther is told as this far
 
 
 class Surfsup(MessagePassingSimulator):
@@ -33,4 +33,4 @@ def told_distance(distance: Tensor) -> Tensor:
     Neither unit nor cut-off is in the paper: this is a choice of ours. It keeps the height above a far surface, which
     no force depends on, out of what is learned, and stands for no surface at all.
     """
-    return (distance / NEAR).clamp(-FARTHEST, FARTHEST)[:, None]
+    return (distance / NEAR_SURFACE_DISTANCE).clamp(-FARTHEST, FARTHEST)[:, None]

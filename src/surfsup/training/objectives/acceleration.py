@@ -11,16 +11,15 @@ from torch import Tensor
 from surfsup.datasets.windows import Window
 from surfsup.learned.message_passing.history import History
 from surfsup.learned.message_passing.simulator import MessagePassingSimulator, join_seen
-from surfsup.scene import SPACING
+from surfsup.scene import NEAR_SURFACE_DISTANCE
+from surfsup.sph.kernels import KERNEL_SUPPORT
 from surfsup.sph.neighbor_search import find_neighbors
 from surfsup.training.config import Phase
 from surfsup.training.objectives.density_loss import density_loss
 from surfsup.training.objectives.objective import Batch, Objective, StepErrors, mean_where
 from surfsup.training.objectives.strayed import FASTEST, at_most
 
-NEAR_SURFACE = 0.09  # meters; alpha of the supplement
 NEAR_WEIGHT = 5.0  # lambda of the supplement
-SUPPORT = 2 * SPACING  # meters; of the kernel that density is measured by
 
 
 class AccelerationObjective(Objective):
@@ -84,13 +83,13 @@ class AccelerationObjective(Objective):
             reached.append(self.model.advance(state, predicted))
             wanted = self.model.wanted(state, *self.asked_step(state, window, number))
             with torch.no_grad():
-                near = window.environment.distance_and_normal(state.positions)[0] < NEAR_SURFACE
+                near = window.environment.distance_and_normal(state.positions)[0] < NEAR_SURFACE_DISTANCE
             error = (predicted - wanted).square().mean(dim=-1)
             loss = (torch.where(near, NEAR_WEIGHT, 1.0) * error).mean()
             if phase.density > 0:
                 positions = reached[-1][0]
                 distance, _ = window.environment.distance_and_normal(positions)
-                near_each_other = find_neighbors(positions, SUPPORT)
+                near_each_other = find_neighbors(positions, KERNEL_SUPPORT)
                 loss = loss + phase.density * density_loss(positions, near_each_other, distance, window.environment)
             errors.append(StepErrors(loss, mean_where(error, near), mean_where(error, ~near)))
         return errors, reached

@@ -10,11 +10,11 @@ from torch import Tensor
 
 from surfsup.learned.corrected.correction import POSITION_SHARE, Correction
 from surfsup.learned.corrected.simulator import CorrectedSimulator, Observation, join_observations
+from surfsup.scene import NEAR_SURFACE_DISTANCE
 from surfsup.sph.kernel_sums import Graph
 from surfsup.sph.state import FRAME_TIME, ParticleState
 from surfsup.training.config import Phase
 from surfsup.training.objectives.correction_loss import (
-    NEAR_SURFACE,
     calm_loss,
     motion_loss,
     squared_error,
@@ -51,7 +51,7 @@ class CorrectionObjective(Objective):
             wanted = wanted_correction(view, window.frame(number), window.frame(number + 1))
             with torch.no_grad():
                 sure = weight_of(view.state.positions - window.frame(number)[0])
-                near = view.distance < NEAR_SURFACE
+                near = view.distance < NEAR_SURFACE_DISTANCE
             loss = motion_loss(correction, wanted, near, sure)
             if phase.calm > 0:
                 loss = loss + phase.calm * calm_loss(correction, wanted, sure)

@@ -13,7 +13,6 @@ from surfsup.training.objectives.strayed import FARTHEST, FASTEST, at_most
 
 Frame = tuple[Tensor, Tensor]  # positions and velocities
 
-NEAR_SURFACE = 0.09  # meters, the supplement's threshold
 NEAR_WEIGHT = 2.0
 RETURN = 0.3  # of the distance strayed from the truth that a frame is asked to make good
 FLOOR = 0.05  # of a frame's mean squared correction: keeps frames at rest from dominating
@@ -48,7 +47,7 @@ def motion_loss(predicted: Correction, wanted: Correction, near: Tensor, sure: T
     Args:
         predicted: by the network.
         wanted: the truth.
-        near: (N,) whether a particle is within NEAR_SURFACE of the solid.
+        near: (N,) whether a particle is within NEAR_SURFACE_DISTANCE of the solid.
         sure: (N,) what a particle's truth still says of it, 0 to 1 (:func:`.strayed.weight_of`).
     """
     error = squared_error(predicted, wanted)
