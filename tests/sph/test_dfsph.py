@@ -7,13 +7,13 @@ from hypothesis import strategies as st
 
 from surfsup.scene import SPACING, Scene, Shape
 from surfsup.sdf import Sphere, Surface
-from surfsup.sph.boundary.density import SUPPORT
 from surfsup.sph.dfsph import OF_RISE, SLOW, fast, sweep
+from surfsup.sph.kernels import KERNEL_SUPPORT
 from surfsup.sph.neighbor_search import find_neighbors
 from surfsup.sph.state import FRAME_TIME, SOLVER_STEPS, Environment, ParticleState
 from surfsup.splishsplash.solver import simulate
 
-RADIUS = SUPPORT
+RADIUS = KERNEL_SUPPORT
 NO_GRAVITY = torch.zeros(3, dtype=torch.float64)
 
 
@@ -99,7 +99,9 @@ def test_it_is_what_the_solver_does(seed):
     )
     surface = scene.build_surface()
     place = Environment.of(scene, surface)
-    frames = [tuple(map(torch.from_numpy, frame)) for frame in simulate(scene, surface, scene.start(surface))]
+    frames = [
+        tuple(map(torch.from_numpy, frame)) for frame in simulate(scene, surface, scene.initial_particles(surface))
+    ]
     left = changed = 0.0
     for (positions, velocities), (_, after) in list(pairwise(frames))[20:]:
         faster, _ = swept(ParticleState(positions, velocities), place)

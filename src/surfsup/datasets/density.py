@@ -6,8 +6,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from surfsup.scene import SPACING
-
-SUPPORT = 2 * SPACING  # meters: how far the solver's kernel reaches
+from surfsup.sph.kernels import KERNEL_PEAK, KERNEL_SUPPORT, cubic_spline
 
 
 def number_density(positions: np.ndarray) -> np.ndarray:
@@ -22,11 +21,10 @@ def number_density(positions: np.ndarray) -> np.ndarray:
     """
     points = np.ascontiguousarray(positions.T)
     first, second = (
-        cKDTree(points, balanced_tree=False, compact_nodes=False).query_pairs(SUPPORT, output_type="ndarray").T
+        cKDTree(points, balanced_tree=False, compact_nodes=False).query_pairs(KERNEL_SUPPORT, output_type="ndarray").T
     )
     apart = points[first] - points[second]
-    q = np.sqrt(np.einsum("ij,ij->i", apart, apart)) / SUPPORT
-    kernel = np.where(q <= 0.5, 6 * (q**3 - q**2) + 1, 2 * (1 - q) ** 3)
+    kernel = cubic_spline(np.sqrt(np.einsum("ij,ij->i", apart, apart)) / KERNEL_SUPPORT)
     count = len(points)
     total = 1 + np.bincount(first, kernel, count) + np.bincount(second, kernel, count)
-    return total * 8 / (np.pi * SUPPORT**3) * SPACING**3
+    return total * KERNEL_PEAK * SPACING**3

@@ -17,9 +17,10 @@ import torch
 from torch import Tensor
 
 from surfsup.scene import SPACING
-from surfsup.sph.boundary.density import SUPPORT, flat_share, solid_density
+from surfsup.sph.boundary.density import flat_share, solid_density
 from surfsup.sph.boundary.walls import walls_density
 from surfsup.sph.kernel_sums import Graph, graph, kernel_sums
+from surfsup.sph.kernels import KERNEL_SUPPORT
 from surfsup.sph.neighbor_search import NeighborList
 from surfsup.sph.state import SOLVER_STEPS, STEP_TIME, Environment, ParticleState
 
@@ -99,7 +100,7 @@ def sweep(
         if allowed is None:
             # Where it is too high already beside a solid of no map, that is not as flat as it is taken to be.
             beside = (
-                (distance < SUPPORT)
+                (distance < KERNEL_SUPPORT)
                 if environment.boundary_map is None
                 else torch.zeros_like(distance, dtype=torch.bool)
             )
@@ -134,7 +135,7 @@ def of_solids(
         distance, share, normal = environment.boundary_map.look(place)
     of_solid, rise = solid_density(distance, share)
     of_walls, slope = walls_density(place, environment)
-    return of_solid + of_walls, slope - (rise / SUPPORT)[:, None] * normal
+    return of_solid + of_walls, slope - (rise / KERNEL_SUPPORT)[:, None] * normal
 
 
 def fast(rise: Tensor) -> Tensor:

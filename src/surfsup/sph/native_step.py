@@ -22,13 +22,14 @@ from surfsup.learned.corrected.features import (
 )
 from surfsup.learned.corrected.network import ConvolutionNetwork
 from surfsup.scene import WALL_CELL
-from surfsup.sph.boundary.density import DEEPEST, NEAREST, OFFSET, STRENGTH, SUPPORT, TABLE_STEP, entries
+from surfsup.sph.boundary.density import DEEPEST, NEAREST, OFFSET, STRENGTH, TABLE_STEP, entries
 from surfsup.sph.boundary.map_interpolation import UNTURNED
 from surfsup.sph.boundary.walls import CLOSEST
 from surfsup.sph.collision import ALLOWED, Look
 from surfsup.sph.dfsph import DIMENSIONS, LEAST, MOST_DENSE, OF_EXCESS, OF_RISE, SLOW, SOFTENED, VISCOSITY, own_density
 from surfsup.sph.energy import GAIN
 from surfsup.sph.kernel_sums import graph
+from surfsup.sph.kernels import KERNEL_SUPPORT
 from surfsup.sph.neighbor_search import find_neighbors
 from surfsup.sph.stability import blown_up, collapsed, max_edges
 from surfsup.sph.state import FRAME_TIME, SOLVER_STEPS, Environment, ParticleState
@@ -215,7 +216,7 @@ def native_network(simulator: CorrectedSimulator) -> native.Network:
         factors=(array(first.weight), array(first.bias), array(last.weight), array(last.bias)),
         layers=[(array(one.mix.weight), array(one.own.weight), array(one.out.weight)) for one in network.layers],
         decoder=(array(network.decoder[0].weight), array(network.decoder[2].weight)),
-        solids=(share, DEEPEST, TABLE_STEP, SUPPORT, NEAREST, OFFSET, STRENGTH, WALL_CELL, CLOSEST),
+        solids=(share, DEEPEST, TABLE_STEP, KERNEL_SUPPORT, NEAREST, OFFSET, STRENGTH, WALL_CELL, CLOSEST),
         radius=radius,
         frame_time=FRAME_TIME,
         displacement_scale=DISPLACEMENT_SCALE,

@@ -4,9 +4,10 @@ import torch
 
 from surfsup.scene import Container, Scene
 from surfsup.sdf import Box, Sphere, Surface, Transformed
-from surfsup.sph.boundary.density import SUPPORT, flat_share
+from surfsup.sph.boundary.density import flat_share
 from surfsup.sph.boundary.map_interpolation import SolidMap, Tables
 from surfsup.sph.boundary.shape_functions import NODES_OF_CELL
+from surfsup.sph.kernels import KERNEL_SUPPORT
 from surfsup.sph.state import Environment
 
 BALL = Transformed(Sphere(0.2), translation=(0.05, -0.1, 0.4))
@@ -51,7 +52,7 @@ def test_far_from_the_solid_nothing_is_felt_and_what_is_no_number_stays_none():
     distance, share, normal = SolidMap.of(BALL, Container()).look(
         torch.tensor([[0.4, 0.4, 1.5], [50.0, 0.0, 0.0], [torch.nan, 0.0, 0.4]])
     )
-    assert (distance[:2] > SUPPORT).all()
+    assert (distance[:2] > KERNEL_SUPPORT).all()
     assert not share[:2].any()
     assert not normal[:2].any()
     assert distance[2].isnan()
@@ -60,7 +61,7 @@ def test_far_from_the_solid_nothing_is_felt_and_what_is_no_number_stays_none():
 def test_of_a_solid_out_of_reach_there_is_a_map_of_nothing():
     made = SolidMap.of(Transformed(Sphere(0.1), translation=(9.0, 0.0, 0.0)), Container())
     distance, share, _ = made.look(torch.zeros(1, 3))
-    assert distance > SUPPORT
+    assert distance > KERNEL_SUPPORT
     assert share == 0
 
 

@@ -6,7 +6,8 @@ from hypothesis import strategies as st
 
 from surfsup.errors import InputError
 from surfsup.sdf import Box, CappedCone, Sphere, Surface, Transformed
-from surfsup.sph.boundary.volume_map import SUPPORT_RADIUS, VOLUME_FACTOR, each_once, kernel_share, volume_map
+from surfsup.sph.boundary.volume_map import VOLUME_FACTOR, each_once, extension, volume_map
+from surfsup.sph.kernels import KERNEL_SUPPORT, cubic_spline
 
 CELL = np.full(3, 0.025)
 LOWER, UPPER = np.full(3, -0.2), np.full(3, 0.2)
@@ -31,10 +32,10 @@ def node_positions(made) -> np.ndarray:
 def integral(surface: Surface, point: np.ndarray) -> float:
     """The volume around ``point`` by brute force: the midpoint rule on 60³ cells."""
     side = (np.arange(60) + 0.5) / 30 - 1
-    ball = SUPPORT_RADIUS * np.stack(np.meshgrid(side, side, side, indexing="ij"), axis=-1).reshape(-1, 3)
-    ball = ball[np.square(ball).sum(axis=1) < SUPPORT_RADIUS**2]
-    share = kernel_share(surface.distance(torch.from_numpy(point + ball)).numpy())
-    return VOLUME_FACTOR * share.sum() * (SUPPORT_RADIUS / 30) ** 3
+    ball = KERNEL_SUPPORT * np.stack(np.meshgrid(side, side, side, indexing="ij"), axis=-1).reshape(-1, 3)
+    ball = ball[np.square(ball).sum(axis=1) < KERNEL_SUPPORT**2]
+    share = extension(surface.distance(torch.from_numpy(point + ball)).numpy())
+    return VOLUME_FACTOR * share.sum() * (KERNEL_SUPPORT / 30) ** 3
 
 
 SOLIDS = {
@@ -45,6 +46,12 @@ SOLIDS = {
     "sharp cone": CappedCone(0.2, 0.1, 0.01),
     "thin plate": Box((0.3, 0.3, 0.03)),
 }
+
+
+def test_the_extension_is_one_inside_and_the_kernel_outside():
+    distances = np.linspace(-0.05, 0.08, 200)
+    expected = cubic_spline(distances.clip(min=0) / KERNEL_SUPPORT)
+    np.testing.assert_allclose(extension(distances), expected, atol=1e-14)
 
 
 @pytest.mark.parametrize("solid", SOLIDS.values(), ids=SOLIDS)
@@ -58,8 +65,8 @@ def test_nodes_know_the_exact_distance(solid):
 def test_volumes_are_the_integral_over_the_support(solid):
     made = volume_map(solid, LOWER, UPPER, CELL)
     positions = node_positions(made)
-    boundary_map = np.flatnonzero((made.distances > 0) & (made.distances < SUPPORT_RADIUS))
-    whole = 4 / 3 * np.pi * SUPPORT_RADIUS**3
+    boundary_map = np.flatnonzero((made.distances > 0) & (made.distances < KERNEL_SUPPORT))
+    whole = 4 / 3 * np.pi * KERNEL_SUPPORT**3
     for node in np.random.default_rng(0).choice(boundary_map, 12, replace=False):
         assert made.volumes[node] == pytest.approx(integral(solid, positions[node]), abs=0.004 * whole)
 
@@ -72,7 +79,7 @@ def test_wherever_the_solver_feels_the_solid_there_is_a_cell(solid):
     cells = np.floor((points - made.lower) / made.cell).astype(int) @ [
         1, made.resolution[0], made.resolution[0] * made.resolution[1]
     ]  # fmt: skip
-    near = np.abs(distance) < SUPPORT_RADIUS
+    near = np.abs(distance) < KERNEL_SUPPORT
     assert near.any()
     assert np.isin(cells[near], made.kept).all()
     assert len(made.kept) < made.resolution.prod()
@@ -80,8 +87,8 @@ def test_wherever_the_solver_feels_the_solid_there_is_a_cell(solid):
 
 def test_deep_inside_a_solid_the_whole_ball_counts():
     made = volume_map(Box((0.35, 0.35, 0.35)), LOWER, UPPER, CELL)
-    deep = made.distances < -SUPPORT_RADIUS
-    whole = VOLUME_FACTOR * 4 / 3 * np.pi * SUPPORT_RADIUS**3
+    deep = made.distances < -KERNEL_SUPPORT
+    whole = VOLUME_FACTOR * 4 / 3 * np.pi * KERNEL_SUPPORT**3
     np.testing.assert_allclose(made.volumes[deep], whole, rtol=1e-2)
 
 
@@ -90,7 +97,7 @@ def test_volumes_are_right_of_a_solid_that_fills_half_of_the_map_too():
     ground = Transformed(Box((4.0, 4.0, 2.0)), translation=(0.0, 0.0, -1.0))
     made = volume_map(ground, LOWER, UPPER, CELL)
     positions = node_positions(made)
-    whole = 4 / 3 * np.pi * SUPPORT_RADIUS**3
+    whole = 4 / 3 * np.pi * KERNEL_SUPPORT**3
     for height in (0.025, 0.05, 0.075):
         node = np.flatnonzero(np.isclose(positions[:, 2], height))[0]
         assert made.volumes[node] == pytest.approx(integral(ground, positions[node]), abs=0.002 * whole)
@@ -103,7 +110,7 @@ def test_cells_may_have_sides_of_different_lengths():
     exact = SOLIDS["ball"].distance(torch.from_numpy(positions)).numpy()
     np.testing.assert_allclose(made.distances, exact, atol=1e-6)
     node = np.flatnonzero((made.distances > 0.02) & (made.distances < 0.03))[0]
-    whole = 4 / 3 * np.pi * SUPPORT_RADIUS**3
+    whole = 4 / 3 * np.pi * KERNEL_SUPPORT**3
     assert made.volumes[node] == pytest.approx(integral(SOLIDS["ball"], positions[node]), abs=0.004 * whole)
 
 

@@ -3,11 +3,12 @@ import pytest
 import torch
 
 from surfsup.scene import Container, Scene
-from surfsup.sph.boundary.density import SUPPORT, flat_share, solid_density
+from surfsup.sph.boundary.density import flat_share, solid_density
 from surfsup.sph.boundary.scene_boundaries import wall_map
 from surfsup.sph.boundary.shape_functions import serendipity
 from surfsup.sph.boundary.volume_map import VolumeMap
 from surfsup.sph.boundary.walls import cell_sizes, walls_density
+from surfsup.sph.kernels import KERNEL_SUPPORT
 from surfsup.sph.state import Environment
 
 
@@ -42,11 +43,13 @@ def test_it_is_what_the_solver_makes_of_its_map_in_corners_too(size, close, corn
     sides = torch.tensor(corner, dtype=torch.float64)
     points = torch.where(sides > 0, place.lower + from_corner, place.upper - from_corner)
     distance, volume, normal = interpolated(wall_map(Container(size=size)), points.numpy())
-    share = torch.from_numpy(volume / (0.8 * 4 / 3 * np.pi * SUPPORT**3))
+    share = torch.from_numpy(volume / (0.8 * 4 / 3 * np.pi * KERNEL_SUPPORT**3))
     density, rise = solid_density(torch.from_numpy(distance), share)
     ours, slope = walls_density(points, place)
     torch.testing.assert_close(ours, density, atol=0.015, rtol=close)
-    torch.testing.assert_close(slope, (rise / SUPPORT)[:, None] * -torch.from_numpy(normal), atol=1.0, rtol=2 * close)
+    torch.testing.assert_close(
+        slope, (rise / KERNEL_SUPPORT)[:, None] * -torch.from_numpy(normal), atol=1.0, rtol=2 * close
+    )
 
 
 def test_at_one_wall_they_are_a_flat_solid():
@@ -55,7 +58,7 @@ def test_at_one_wall_they_are_a_flat_solid():
     density, slope = walls_density(points, place)
     expected, rise = solid_density(points[:, 2], flat_share(points[:, 2]))
     torch.testing.assert_close(density, expected)
-    torch.testing.assert_close(slope[:, 2], -rise / SUPPORT)
+    torch.testing.assert_close(slope[:, 2], -rise / KERNEL_SUPPORT)
     assert not slope[:, :2].any()
 
 

@@ -18,10 +18,11 @@ from surfsup.design.reward import Outcome, near
 from surfsup.design.task import Task
 from surfsup.errors import InputError
 from surfsup.scene import Block, Fluid, Scene
+from surfsup.native.dispatch import needs_gradient
 from surfsup.sdf import Surface, Transformed
 from surfsup.sdf.neural.deepsdf import DeepSdfSurface, load_deepsdf
 from surfsup.sdf.neural.surface import NEAR
-from surfsup.sph.boundary.density import SUPPORT
+from surfsup.sph.kernels import KERNEL_SUPPORT
 
 VARIANCE = 0.6  # m² (supplement, section 7.1)
 FRAMES = 50  # the bowl's
@@ -32,7 +33,7 @@ BOTTOM = 0.88  # meters of the block above the floor
 SPEED = 2.0  # m/s
 PRIOR = 1e-3  # of the mean squared distance from the mean code, in spreads
 STEP = 0.1  # of the spread of the codes
-FELT = 1.5 * SUPPORT / RADIUS  # in the unit of the network: farther off no particle feels the chair
+FELT = 1.5 * KERNEL_SUPPORT / RADIUS  # in the unit of the network: farther off no particle feels the chair
 FARTHEST = 4.0  # spreads that any number of the code may be off the mean
 
 
@@ -93,7 +94,7 @@ class Moving(Surface):
     def distance_and_normal(self, points: Tensor) -> tuple[Tensor, Tensor]:
         """Signed distance (N,) and unit normal (N, 3)."""
         distance, normal = self.surface.distance_and_normal(points)
-        if not self.is_recording(points):
+        if not needs_gradient(points, module=self):
             return distance, normal
         told = distance.detach()
         far = torch.nonzero((told.abs() >= NEAR) & (told.abs() < FELT)).squeeze(-1)

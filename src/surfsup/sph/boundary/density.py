@@ -13,11 +13,11 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from surfsup.scene import PARTICLE_RADIUS, SPACING
+from surfsup.scene import PARTICLE_RADIUS
+from surfsup.sph.kernels import KERNEL_SUPPORT, cubic_spline, cubic_spline_gradient
 
-SUPPORT = 2 * SPACING  # meters: how far the solver's kernel reaches
 DEEPEST = -0.03  # meters: a particle deeper in the solid acts as if it were there
-FARTHEST = 2 * SUPPORT  # meters from which on a solid has no share of the neighborhood
+FARTHEST = 2 * KERNEL_SUPPORT  # meters from which on a solid has no share of the neighborhood
 TABLE_STEP = 1e-4  # meters from one entry of the table to the next
 SLICES = 1001  # of the ball that the volume is summed over
 
@@ -35,10 +35,10 @@ def table() -> np.ndarray:
     the kernel falls off with the distance to it.
     """
     distance = np.arange(round((FARTHEST - DEEPEST) / TABLE_STEP) + 1) * TABLE_STEP + DEEPEST
-    up = np.linspace(-SUPPORT, SUPPORT, SLICES)
-    areas = np.pi * (SUPPORT**2 - up**2)
-    away = torch.from_numpy(np.clip(distance[:, None] + up, 0, SUPPORT))
-    shares = np.trapezoid(areas * smoothing(away)[0].numpy(), up, axis=1) / (4 / 3 * np.pi * SUPPORT**3)
+    up = np.linspace(-KERNEL_SUPPORT, KERNEL_SUPPORT, SLICES)
+    areas = np.pi * (KERNEL_SUPPORT**2 - up**2)
+    weight = cubic_spline((distance[:, None] + up).clip(min=0) / KERNEL_SUPPORT)
+    shares = np.trapezoid(areas * weight, up, axis=1) / (4 / 3 * np.pi * KERNEL_SUPPORT**3)
     shares[-1] = 0.0
     return shares
 
@@ -47,12 +47,6 @@ def table() -> np.ndarray:
 def entries(dtype: torch.dtype, device: torch.device) -> Tensor:
     """The table (K,) as a tensor."""
     return torch.from_numpy(table()).to(device, dtype)
-
-
-def smoothing(distance: Tensor) -> tuple[Tensor, Tensor]:
-    """The cubic spline kernel at a ``distance`` in meters, as a share of its peak, and its fall a support radius."""
-    whole, inner = (1 - distance / SUPPORT).clamp(min=0), (0.5 - distance / SUPPORT).clamp(min=0)
-    return 2 * whole**3 - 8 * inner**3, 6 * whole**2 - 24 * inner**2
 
 
 def flat_share(distance: Tensor) -> Tensor:
@@ -76,5 +70,5 @@ def solid_density(distance: Tensor, share: Tensor) -> tuple[Tensor, Tensor]:
     Returns:
         The density in units of the lattice's, and its rise a support radius, of the same shape.
     """
-    kernel, fall = smoothing((distance + OFFSET).clamp(min=NEAREST, max=SUPPORT))
-    return STRENGTH * share * kernel, STRENGTH * share * fall
+    q = (distance + OFFSET).clamp(min=NEAREST, max=KERNEL_SUPPORT) / KERNEL_SUPPORT
+    return STRENGTH * share * cubic_spline(q), -STRENGTH * share * cubic_spline_gradient(q)

@@ -17,11 +17,12 @@ from surfsup import native
 from surfsup.errors import InputError
 from surfsup.scene import Container
 from surfsup.sdf import Surface
-from surfsup.sph.boundary.density import DEEPEST, SUPPORT, VOLUME_FACTOR
+from surfsup.sph.boundary.density import DEEPEST, VOLUME_FACTOR
 from surfsup.sph.boundary.scene_boundaries import map_in
 from surfsup.sph.boundary.shape_functions import NODES_OF_CELL, serendipity
+from surfsup.sph.kernels import KERNEL_SUPPORT
 
-WHOLE = VOLUME_FACTOR * 4 / 3 * np.pi * SUPPORT**3  # m³: what the solver sees of a solid that is all around
+WHOLE = VOLUME_FACTOR * 4 / 3 * np.pi * KERNEL_SUPPORT**3  # m³: what the solver sees of a solid that is all around
 NODES = len(NODES_OF_CELL)
 UNTURNED = np.eye(3, dtype=np.float32)
 
@@ -125,4 +126,4 @@ class SolidMap:
 
 def far_nodes() -> np.ndarray:
     """The nodes (1, 2, 32) of a cell that is far from any solid."""
-    return np.stack([np.full(NODES, 10 * SUPPORT), np.zeros(NODES)])[None].astype(np.float32)
+    return np.stack([np.full(NODES, 10 * KERNEL_SUPPORT), np.zeros(NODES)])[None].astype(np.float32)

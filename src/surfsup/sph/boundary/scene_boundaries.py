@@ -9,7 +9,8 @@ from torch import Tensor
 
 from surfsup.scene import WALL_CELL, Container, Scene
 from surfsup.sdf import Box, MeshSurface, Surface, Transformed, polygonize
-from surfsup.sph.boundary.volume_map import SUPPORT_RADIUS, VolumeMap, volume_map
+from surfsup.sph.boundary.volume_map import VolumeMap, volume_map
+from surfsup.sph.kernels import KERNEL_SUPPORT
 
 SURFACE_CELL = 0.025  # meters
 BEYOND = 0.1  # meters that a map reaches past the walls, so that a particle which slips through is brought back
@@ -63,14 +64,14 @@ def surface_map(surface: Surface, container: Container) -> VolumeMap:
     return map_in(felt, container)
 
 
-def map_in(surface: Surface, container: Container, depth: float = SUPPORT_RADIUS) -> VolumeMap:
+def map_in(surface: Surface, container: Container, depth: float = KERNEL_SUPPORT) -> VolumeMap:
     """The map of ``surface`` in a container, by its own value, with cells down to a ``depth`` in meters.
 
     Raises:
         InputError: the surface has no point near the container.
     """
     lower, upper = surface.bounds().detach().cpu().double().numpy()
-    reach = SUPPORT_RADIUS + SURFACE_CELL
+    reach = KERNEL_SUPPORT + SURFACE_CELL
     lower = np.maximum(lower - reach, np.asarray(container.lower) - BEYOND)
     upper = np.minimum(upper + reach, np.asarray(container.upper) + BEYOND)
     return volume_map(surface, lower, upper, np.full(3, SURFACE_CELL), depth)

@@ -15,11 +15,10 @@ import torch
 from scipy import fft
 
 from surfsup.errors import InputError
-from surfsup.scene import PARTICLE_RADIUS
 from surfsup.sdf import Surface
 from surfsup.sph.boundary.shape_functions import NODES_A_SIDE, NODES_OF_CELL, OTHERS_OF_CELL, from_nodes_to_others
+from surfsup.sph.kernels import KERNEL_SUPPORT
 
-SUPPORT_RADIUS = 4 * PARTICLE_RADIUS  # meters: the reach of the solver's smoothing kernel
 VOLUME_FACTOR = 0.8  # of the solver's volume maps
 SLOW = 0.1  # a wave's phase over the support radius up to which its series is the better way
 CHUNK = 250_000  # points a query, which bounds the memory of the surface's own intermediate tensors
@@ -49,7 +48,7 @@ class VolumeMap:
 
 
 def volume_map(
-    surface: Surface, lower: np.ndarray, upper: np.ndarray, cell: np.ndarray, depth: float = SUPPORT_RADIUS
+    surface: Surface, lower: np.ndarray, upper: np.ndarray, cell: np.ndarray, depth: float = KERNEL_SUPPORT
 ) -> VolumeMap:
     """The map of ``surface`` in the box from ``lower`` to ``upper`` (3,), in cells of the sides ``cell`` (3,).
 
@@ -66,7 +65,7 @@ def volume_map(
     if (upper <= lower).any():
         raise nothing_to_feel()
     resolution = np.ceil((upper - lower) / cell - 1e-6).astype(int)
-    around = np.ceil(SUPPORT_RADIUS / cell).astype(int)  # cells beyond the box which the integral reaches into
+    around = np.ceil(KERNEL_SUPPORT / cell).astype(int)  # cells beyond the box which the integral reaches into
     padded = resolution + 2 * around
     start = lower - around * cell
     middles = middle_distances(surface, start, cell, padded, depth)
@@ -97,7 +96,7 @@ def may_be_near(middles: np.ndarray, cell: np.ndarray, depth: float) -> np.ndarr
     Whatever the distance at its middle, within a cell it changes by no more than the way to the corner.
     """
     reach = np.linalg.norm(cell) / 2
-    return (middles < SUPPORT_RADIUS + reach) & (middles > -depth - reach)
+    return (middles < KERNEL_SUPPORT + reach) & (middles > -depth - reach)
 
 
 def middle_distances(
@@ -188,8 +187,8 @@ def solid_around(distances: np.ndarray, spacing: np.ndarray) -> np.ndarray:
     points are ``spacing`` (3,) meters apart.
     The integral over a ball is a product in Fourier space, where the ball is known in closed form.
     """
-    weight = kernel_share(distances)
-    reach = np.ceil(SUPPORT_RADIUS / spacing).astype(int)
+    weight = extension(distances)
+    reach = np.ceil(KERNEL_SUPPORT / spacing).astype(int)
     # What lies beyond the lattice is like its edge, and the room must be wide enough for the ball not to wrap around.
     padded = np.pad(weight, reach[:, None], mode="edge")
     shape = [fft.next_fast_len(side, real=True) for side in padded.shape]
@@ -200,21 +199,22 @@ def solid_around(distances: np.ndarray, spacing: np.ndarray) -> np.ndarray:
     spectrum = fft.rfftn(padded, shape) * ball_spectrum(frequency)
     whole = fft.irfftn(spectrum, shape)
     inner = tuple(slice(before, before + side) for before, side in zip(reach, distances.shape, strict=True))
-    largest = 4 / 3 * np.pi * SUPPORT_RADIUS**3
+    largest = 4 / 3 * np.pi * KERNEL_SUPPORT**3
     return VOLUME_FACTOR * whole[inner].clip(0, largest)
 
 
-def kernel_share(distances: np.ndarray) -> np.ndarray:
-    """The cubic smoothing kernel at ``distances``, relative to its peak; 1 inside the solid, 0 beyond the support."""
-    q = distances.clip(0, SUPPORT_RADIUS) / SUPPORT_RADIUS
+def extension(distances: np.ndarray) -> np.ndarray:
+    """The function γ of Bender et al.: 1 inside the solid, W(d) / W(0) at a distance d outside."""
+    q = distances.clip(0, KERNEL_SUPPORT) / KERNEL_SUPPORT
+    # surfsup.sph.kernels.cubic_spline in the order of operations that existing maps were rounded with.
     return np.where(q <= 0.5, 6 * q**3 - 6 * q**2 + 1, 2 * (1 - q) ** 3)
 
 
 def ball_spectrum(frequency: np.ndarray) -> np.ndarray:
     """Fourier transform of a ball of the support radius at angular ``frequency`` (rad/m), in m³."""
-    reach = frequency * SUPPORT_RADIUS
+    reach = frequency * KERNEL_SUPPORT
     # Of slow waves little is left of the difference, in single precision nothing: that would add a few hundredths of
     # the ball to every volume.
     whole = np.maximum(reach, SLOW)
     share = np.where(reach < SLOW, 1 / 3 - reach**2 / 30, (np.sin(whole) - whole * np.cos(whole)) / whole**3)
-    return 4 * np.pi * SUPPORT_RADIUS**3 * share
+    return 4 * np.pi * KERNEL_SUPPORT**3 * share

@@ -12,7 +12,8 @@ import torch
 from torch import Tensor
 
 from surfsup.scene import WALL_CELL
-from surfsup.sph.boundary.density import FARTHEST, SUPPORT, flat_share, solid_density
+from surfsup.sph.boundary.density import FARTHEST, flat_share, solid_density
+from surfsup.sph.kernels import KERNEL_SUPPORT
 from surfsup.sph.state import Environment
 
 CLOSEST = 1e-3  # meters: a particle closer to a wall, or in it, acts as if it were there
@@ -37,7 +38,7 @@ def walls_density(places: Tensor, environment: Environment) -> tuple[Tensor, Ten
     steepness = torch.where(part < 1, 1 / (part * cell), 0.0)
     normal = towards * torch.nn.functional.normalize(steepness, dim=-1)
     density, rise = solid_density(rounded, share)
-    return density, (rise / SUPPORT)[:, None] * normal
+    return density, (rise / KERNEL_SUPPORT)[:, None] * normal
 
 
 def cell_sizes(environment: Environment) -> Tensor:

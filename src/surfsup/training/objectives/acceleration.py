@@ -10,8 +10,8 @@ from torch import Tensor
 
 from surfsup.datasets.windows import Window
 from surfsup.learned.message_passing.history import History
-from surfsup.learned.message_passing.simulator import MessagePassingSimulator, join_seen
-from surfsup.scene import NEAR_SURFACE_DISTANCE
+from surfsup.learned.message_passing.simulator import MessagePassingSimulator, batch_inputs
+from surfsup.scene import FRAME_TIME, NEAR_SURFACE_DISTANCE
 from surfsup.sph.kernels import KERNEL_SUPPORT
 from surfsup.sph.neighbor_search import find_neighbors
 from surfsup.training.config import Phase
@@ -32,15 +32,15 @@ class AccelerationObjective(Objective):
     model: MessagePassingSimulator
 
     def __init__(self, model: MessagePassingSimulator, bf16: bool = False) -> None:
-        super().__init__(model, model.architecture.stride)
+        super().__init__(model)
         self.bf16 = bf16
 
     def prepare(self, examples: Iterable[Window], randoms: Sequence[np.random.Generator], noise: float) -> None:
         """Measure the normalizations on states with the training's noise."""
-        self.model.measure(
+        self.model.fit_normalizers(
             (
                 self.with_noise(self.model.state_after(*window.up_to_now), noise, random),
-                *self.true_step(window, 0),
+                self.true_step(window, 0)[0],
             )
             for window, random in zip(examples, randoms, strict=True)
         )
@@ -65,23 +65,25 @@ class AccelerationObjective(Objective):
         """
         last, last_velocities = self.true_step(window, number - 1)
         move, velocities = self.true_step(window, number)
-        off, faster = (state.moves[:, 0] - last).detach(), (state.velocities - last_velocities).detach()
-        return move + off - at_most(off, FASTEST * self.model.step_time), velocities + faster - at_most(faster, FASTEST)
+        off, faster = (state.displacements[:, 0] - last).detach(), (state.velocities - last_velocities).detach()
+        return move + off - at_most(off, FASTEST * FRAME_TIME), velocities + faster - at_most(faster, FASTEST)
 
     def predict(
         self, states: list[History], batch: Batch, number: int, phase: Phase
     ) -> tuple[list[StepErrors], list[tuple[Tensor, Tensor]]]:
         """One step of the model; all windows go through the network together."""
         windows = batch.windows
-        seen = join_seen([self.model.observe(s, window.environment) for s, window in zip(states, windows, strict=True)])
+        seen = batch_inputs(
+            [self.model.network_input(s, window.environment) for s, window in zip(states, windows, strict=True)]
+        )
         # Around the network alone: a product of positions in bfloat16 would be off by millimeters.
-        with torch.autocast(seen.features.device.type, torch.bfloat16, enabled=self.bf16):
-            joined = self.model.predict(seen)
+        with torch.autocast(seen.node_features.device.type, torch.bfloat16, enabled=self.bf16):
+            joined = self.model.predict_acceleration(seen)
         errors, reached = [], []
         every = joined.split([len(state.positions) for state in states])
         for window, state, predicted in zip(windows, states, every, strict=True):
-            reached.append(self.model.advance(state, predicted))
-            wanted = self.model.wanted(state, *self.asked_step(state, window, number))
+            reached.append(self.model.integrate(state, predicted))
+            wanted = self.model.acceleration_target(state, self.asked_step(state, window, number)[0])
             with torch.no_grad():
                 near = window.environment.distance_and_normal(state.positions)[0] < NEAR_SURFACE_DISTANCE
             error = (predicted - wanted).square().mean(dim=-1)

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import torch
 from torch import Tensor
 
 from surfsup.scene import SPACING
 from surfsup.sph.boundary.density import flat_share, solid_density
 from surfsup.sph.boundary.walls import walls_density
+from surfsup.sph.kernels import KERNEL_PEAK, KERNEL_SUPPORT, cubic_spline
 from surfsup.sph.neighbor_search import NeighborList
 from surfsup.sph.state import Environment
 
@@ -38,9 +38,7 @@ def lattice_density(squared: Tensor, near: NeighborList) -> Tensor:
 
     The solver's cubic spline kernel, as in :func:`surfsup.datasets.density.number_density`.
     """
-    support = 2 * SPACING
     # The root has no slope at zero, where two particles lie on top of each other.
-    q = (squared / support**2).clamp(min=1e-8).sqrt()
-    kernel = torch.where(q <= 0.5, 6 * (q**3 - q**2) + 1, 2 * (1 - q).clamp(min=0) ** 3)
+    q = (squared / KERNEL_SUPPORT**2).clamp(min=1e-8).sqrt()
     own = squared.new_ones(len(near.starts) - 1)
-    return own.index_add(0, near.receivers, kernel) * (8 / (torch.pi * support**3) * SPACING**3)
+    return own.index_add(0, near.receivers, cubic_spline(q)) * (KERNEL_PEAK * SPACING**3)
