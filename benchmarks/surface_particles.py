@@ -22,13 +22,13 @@ from pathlib import Path
 import numpy as np
 import torch
 
+from surfsup.datasets.generation.scene_sampler import Drawing
 from surfsup.datasets.recipes.chairs import FIT, WIDEST
-from surfsup.datasets.recipes.standing import box_corners, stand
+from surfsup.datasets.recipes.placement import box_corners, stand
 from surfsup.datasets.recipes.water import block_above
-from surfsup.datasets.scene_sampling import Drawing
 from surfsup.learned.message_passing.architecture import SIZES, MessagePassingArchitecture
 from surfsup.learned.message_passing.gns import Gns, GnsArchitecture
-from surfsup.learned.message_passing.history import History
+from surfsup.learned.message_passing.history import HISTORY_LENGTH, History
 from surfsup.learned.message_passing.simulator import MessagePassingSimulator
 from surfsup.learned.message_passing.surfsup import Surfsup
 from surfsup.scene import Container, Scene, Shape
@@ -99,10 +99,10 @@ def splash(scene: Scene) -> tuple[History, Environment]:
     """The reference solver's water in the middle of a scene, and what is around it."""
     scene = scene.with_frames(FRAME + 1)
     surface = scene.build_surface()
-    frames = solver.simulate(scene, surface, scene.start(surface))
-    last = list(islice(frames, FRAME - MessagePassingArchitecture.history, FRAME + 1))
+    frames = solver.simulate(scene, surface, scene.initial_particles(surface))
+    last = list(islice(frames, FRAME - HISTORY_LENGTH, FRAME + 1))
     positions = torch.from_numpy(np.stack([positions for positions, _ in last]))
-    return History.of_frames(positions, torch.from_numpy(last[-1][1])), Environment.of(scene, surface)
+    return History.from_frames(positions, torch.from_numpy(last[-1][1])), Environment.of(scene, surface)
 
 
 def simulators(sizes: dict, counts: list[int]) -> list[Timed]:
@@ -118,12 +118,12 @@ def take_turns(
 ) -> None:
     """Fill in sizes and best times."""
     for one in contest:  # the surface's particles are drawn at first sight, once a scene
-        seen = one.simulator.observe(state, environment)
-        one.nodes, one.edges = len(seen.features), len(seen.graph.neighborhood.senders)
+        seen = one.simulator.network_input(state, environment)
+        one.nodes, one.edges = len(seen.node_features), len(seen.graph.neighbors.senders)
     for _ in range(repeats):
         for one in contest:
             start = clock()
-            one.simulator.observe(state, environment)
+            one.simulator.network_input(state, environment)
             between = clock()
             one.simulator.step(state, environment, handle_collisions=False)
             one.seeing = min(one.seeing, 1e3 * (between - start))

@@ -3,7 +3,7 @@ import importlib.util
 import numpy as np
 import pytest
 
-from surfsup.datasets import scene_sampling
+from surfsup.datasets.generation import scene_sampler
 from surfsup.datasets.recipes import Recipe
 from surfsup.scene import Scene
 
@@ -52,7 +52,7 @@ class Mixed(Recipe):
 def tiny_recipes(monkeypatch):
     """Recipes that this process knows, and so the threads of its own cluster do too."""
     for recipe in (Tiny, Heavy, Mixed):
-        monkeypatch.setitem(scene_sampling.RECIPES, recipe.name, recipe)
+        monkeypatch.setitem(scene_sampler.RECIPES, recipe.name, recipe)
 
 
 @pytest.fixture(scope="session")

@@ -25,7 +25,7 @@ def generate(
 
     Example: surfsup generate prim-shapes -o data/train -n 60 --seed 1
     """
-    from surfsup.datasets.generate import generate as make
+    from surfsup.datasets.generation.generate import generate as make
 
     with paced_bar(f"simulating {n} scenes of {recipe}") as tell:
         paths = make(recipe, out, n, seed, frames, source, workers, scheduler, tell)
@@ -41,7 +41,7 @@ def floor(
 
     Example: surfsup floor data/test
     """
-    from surfsup.datasets.floor import floor as run_again
+    from surfsup.datasets.generation.floor import floor as run_again
 
     with paced_bar(f"running {data} again") as tell:
         made = run_again(data, workers, scheduler, tell)

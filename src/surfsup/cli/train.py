@@ -36,7 +36,7 @@ def train(
 
     import torch
 
-    from surfsup.datasets.streamed_windows import StreamedWindows, stream_for_training
+    from surfsup.datasets.streaming.streamed_windows import StreamedWindows, stream_for_training
     from surfsup.datasets.windows import Windows
     from surfsup.learned import weights_file
     from surfsup.optim.stopping import Stop

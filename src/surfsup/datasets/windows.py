@@ -173,7 +173,7 @@ def after_free_fall(positions: Tensor, velocities: Tensor, past: int, gravity: T
 
     That is how a rollout's first state takes its past to have been.
     """
-    fallen = History.in_free_fall(positions[0], velocities[0], gravity, past).moves
+    fallen = History.in_free_fall(positions[0], velocities[0], gravity, past).displacements
     before = positions[0] - fallen.cumsum(dim=1).flip(1).transpose(0, 1)
     frames = torch.arange(past, 0, -1, device=gravity.device)[:, None, None]
     return torch.cat([before, positions]), torch.cat([velocities[0] - FRAME_TIME * frames * gravity, velocities])

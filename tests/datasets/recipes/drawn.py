@@ -29,8 +29,8 @@ def assert_sound(scene: Scene, particles: tuple[int, int], folder: Path = Path()
     read = written_and_read(scene, folder)
     assert read.model_dump() == scene.model_dump()
     surface = read.build_surface()
-    start = read.start(surface)  # refuses blocks that reach out of the container
-    assert start.left_out == 0
+    start = read.initial_particles(surface)  # refuses blocks that reach out of the container
+    assert start.excluded == 0
     assert particles[0] <= len(start.positions) <= particles[1]
     with torch.no_grad():
         assert float(surface.distance(torch.from_numpy(start.positions)).min()) > 0.03

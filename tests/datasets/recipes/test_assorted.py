@@ -17,8 +17,8 @@ def test_every_scene_is_sound(index):
     scene = written_and_read(SCENES[index])
     assert scene.model_dump() == SCENES[index].model_dump()
     surface = scene.build_surface()
-    start = scene.start(surface)
-    assert start.left_out == 0
+    start = scene.initial_particles(surface)
+    assert start.excluded == 0
     assert 200 <= len(start.positions) <= 10_000
     if surface is not None:
         with torch.no_grad():

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from surfsup.datasets.recipes import RECIPES, prim_shapes
-from surfsup.datasets.recipes.support import extent
+from surfsup.datasets.recipes.extent import extent
 from tests.datasets.recipes.drawn import assert_sound, draw, scenes
 
 SCENES = scenes("prim-shapes", 40)

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from surfsup.datasets.recipes.extent import extent
 from surfsup.datasets.recipes.prim_unions import HIGHEST, SINK, seat
-from surfsup.datasets.recipes.support import extent
 from surfsup.sdf import polygonize
 from tests.datasets.recipes.drawn import assert_sound, scenes
 

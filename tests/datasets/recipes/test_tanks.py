@@ -12,8 +12,8 @@ SCENES = scenes("tanks", 40)
 def test_every_scene_is_sound(index):
     scene = written_and_read(SCENES[index])
     assert scene.model_dump() == SCENES[index].model_dump()
-    start = scene.start(None)
-    assert start.left_out == 0
+    start = scene.initial_particles(None)
+    assert start.excluded == 0
     assert 200 < len(start.positions) < 6500
     gap = min((start.positions - scene.container.lower).min(), (scene.container.upper - start.positions).min())
     assert gap > 0.049, "nearer to several walls at once the solver lets the water burst"

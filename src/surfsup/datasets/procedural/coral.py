@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.spatial import cKDTree
 
-from surfsup.datasets.procedural.clay import Clay
+from surfsup.datasets.procedural.sculpting import Clay
 
 if TYPE_CHECKING:
     import trimesh

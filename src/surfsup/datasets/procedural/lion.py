@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from surfsup.datasets.procedural.clay import Clay, Point, bar, ellipsoid
+from surfsup.datasets.procedural.sculpting import Clay, Point, bar, ellipsoid
 
 if TYPE_CHECKING:
     import trimesh

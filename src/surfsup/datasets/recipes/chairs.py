@@ -12,8 +12,8 @@ from pathlib import Path
 
 from surfsup.datasets.procedural.chairs import chair
 from surfsup.datasets.recipes.mesh_files import SURFACES, collect, fitted_corners
+from surfsup.datasets.recipes.placement import box_corners, stand
 from surfsup.datasets.recipes.recipe import Recipe
-from surfsup.datasets.recipes.standing import box_corners, stand
 from surfsup.datasets.recipes.water import Random, block_above
 from surfsup.errors import InputError
 from surfsup.scene import Container, Scene, Shape
@@ -55,7 +55,7 @@ class Chairs(Recipe):
             corners = box_corners(solid.surface())
         solid, top = stand(solid, corners, WIDEST, container, random)
         water = block_above(top[:2], top[2], container, random)
-        return Scene(container=container, surface=solid, fluid=water).in_folder(self.folder)
+        return Scene(container=container, surface=solid, fluid=water).with_base_folder(self.folder)
 
 
 def shapenet_models(source: Path) -> list[tuple[str, Path]]:

@@ -17,8 +17,8 @@ from surfsup.datasets.procedural.coral import coral
 from surfsup.datasets.procedural.lion import lion
 from surfsup.datasets.procedural.room import room
 from surfsup.datasets.recipes.mesh_files import SURFACES, collect, fitted_corners
+from surfsup.datasets.recipes.placement import stand
 from surfsup.datasets.recipes.recipe import Recipe
-from surfsup.datasets.recipes.standing import stand
 from surfsup.datasets.recipes.water import Random, block
 from surfsup.errors import InputError
 from surfsup.scene import Container, Fluid, Scene, Shape
@@ -65,7 +65,7 @@ class ComplexScenes(Recipe):
         else:
             solid = Shape(mesh=MeshShape(file=Path(SURFACES) / name, fit=FIT))
             solid, top = stand(solid, fitted_corners(self.folder / SURFACES / name, FIT), FIT, CONTAINER, random)
-        return Scene(container=CONTAINER, surface=solid, fluid=[block_over(top, random)]).in_folder(self.folder)
+        return Scene(container=CONTAINER, surface=solid, fluid=[block_over(top, random)]).with_base_folder(self.folder)
 
 
 def block_over(top: np.ndarray, random: Random) -> Fluid:

@@ -51,7 +51,7 @@ class Hills(Recipe):
         scene = Scene(
             container=Container(size=(x, y, CEILING)), surface=Shape(heightfield=solid), fluid=water, frames=FRAMES
         )
-        return scene.in_folder(self.folder)
+        return scene.with_base_folder(self.folder)
 
     def set_aside(self, scene: Scene) -> None:
         """Take away the terrain of ``scene``, which no other has."""

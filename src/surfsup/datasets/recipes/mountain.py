@@ -65,7 +65,7 @@ class Mountain(Recipe):
         container = Container(size=(*size, CEILING))
         quarters = random.permutation(4)[:BLOCKS]
         water = [block_over(levels, size, (quarter % 2, quarter // 2), random) for quarter in quarters]
-        return Scene(container=container, surface=Shape(heightfield=terrain), fluid=water).in_folder(self.folder)
+        return Scene(container=container, surface=Shape(heightfield=terrain), fluid=water).with_base_folder(self.folder)
 
 
 def sample_file() -> Path:

@@ -12,8 +12,8 @@ from collections.abc import Callable
 import numpy as np
 from scipy.spatial.transform import Rotation as ScipyRotation
 
+from surfsup.datasets.recipes.extent import extent
 from surfsup.datasets.recipes.recipe import Recipe
-from surfsup.datasets.recipes.support import extent
 from surfsup.datasets.recipes.water import Random, block_above
 from surfsup.scene import Container, Scene, Shape
 from surfsup.scene.shapes import BoxShape, ConeShape, CylinderShape, Rotation, SphereShape, TorusShape

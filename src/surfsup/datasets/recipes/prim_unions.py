@@ -13,9 +13,9 @@ from itertools import combinations
 
 import numpy as np
 
+from surfsup.datasets.recipes.extent import extent, lowest_point
 from surfsup.datasets.recipes.prim_shapes import SHAPES, cone, room, turned
 from surfsup.datasets.recipes.recipe import Recipe
-from surfsup.datasets.recipes.support import extent, lowest_point
 from surfsup.datasets.recipes.water import Random, block_above
 from surfsup.scene import Container, Scene, Shape
 from surfsup.scene.shapes import Rotation

@@ -9,14 +9,14 @@ from pathlib import Path
 
 import numpy as np
 
-from surfsup.datasets.check import UnphysicalError
 from surfsup.datasets.folder import locked, whole_file
-from surfsup.datasets.progress_estimate import Pace
-from surfsup.datasets.simulation import Run, patiently
-from surfsup.datasets.worker_pool import crew, while_wanted
+from surfsup.datasets.generation.checked_simulation import Run, patiently
+from surfsup.datasets.generation.physical_check import UnphysicalError
+from surfsup.datasets.generation.progress_estimate import Pace
+from surfsup.datasets.generation.worker_pool import crew, while_wanted
 from surfsup.errors import InputError
 from surfsup.io.trajectory import Provenance, Trajectory, TrajectoryWriter
-from surfsup.scene import Block, Fluid, Scene, Start
+from surfsup.scene import Block, Fluid, InitialParticles, Scene
 from surfsup.splishsplash import solver
 
 FOLDER = "floor"
@@ -109,7 +109,7 @@ def is_there(home: Path, original: Path, axis: int) -> bool:
     if not path.exists():
         return False
     with Trajectory(path) as found, Trajectory(original) as truth:
-        wanted = moved_scene(truth, axis).with_files_from(home, original.parent)
+        wanted = moved_scene(truth, axis).with_paths_relative_to(home, original.parent)
         if found.scene.to_yaml() != wanted.to_yaml() or len(found) != len(truth):
             raise InputError(f"{path}: is not {original.name} run again; move it away")
     return True
@@ -126,13 +126,15 @@ def moved_scene(truth: Trajectory, axis: int) -> Scene:
     return truth.scene.model_copy(update={"fluid": [moved(entry) for entry in truth.scene.fluid], "frames": len(truth)})
 
 
-def moved_start(start: Start, axis: int) -> Start:
+def moved_start(start: InitialParticles, axis: int) -> InitialParticles:
     """The same particles, 1 mm further along ``axis``; not those that the moved scene would start with.
 
     A particle more or less, because of the solid, would make the two runs impossible to compare.
     """
     shift = STEP * np.eye(3)[axis]
-    return Start([(block + shift).astype(np.float32) for block in start.blocks], start.velocities, start.left_out)
+    return InitialParticles(
+        [(block + shift).astype(np.float32) for block in start.block_positions], start.block_velocities, start.excluded
+    )
 
 
 def run_again(original: Path, axis: int) -> float | None:
@@ -147,7 +149,7 @@ def run_again(original: Path, axis: int) -> float | None:
         return None
     with Trajectory(original) as truth:
         scene, surface = moved_scene(truth, axis), truth.scene.build_surface()
-        start = moved_start(truth.scene.start(surface), axis)
+        start = moved_start(truth.scene.initial_particles(surface), axis)
 
     def write(run: Run) -> None:
         with (

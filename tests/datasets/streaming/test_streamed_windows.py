@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 import torch
 
-from surfsup.datasets.stream import stream
-from surfsup.datasets.streamed_windows import StreamedWindows, stream_for_training
+from surfsup.datasets.streaming.stream import stream
+from surfsup.datasets.streaming.streamed_windows import StreamedWindows, stream_for_training
 from surfsup.errors import InputError
 from surfsup.training.config import Phase, TrainingConfig
 from surfsup.training.train import Run, train
@@ -36,7 +36,7 @@ def test_a_window_longer_than_the_scenes_is_refused(tmp_path):
 
 def test_a_model_is_trained_on_scenes_as_they_are_made(tmp_path):
     generated = tmp_path / "validation"
-    from surfsup.datasets.generate import generate
+    from surfsup.datasets.generation.generate import generate
 
     generate("tiny", generated, 1, seed=1)
     config = TrainingConfig(

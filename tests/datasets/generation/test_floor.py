@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from surfsup.datasets.floor import NoFloorWarning, floor
-from surfsup.datasets.generate import generate
+from surfsup.datasets.generation.floor import NoFloorWarning, floor
+from surfsup.datasets.generation.generate import generate
 from surfsup.errors import InputError
 from surfsup.io.trajectory import Provenance, Trajectory, TrajectoryWriter
 from surfsup.scene import Scene
@@ -33,7 +33,7 @@ def test_each_scene_is_run_again_three_times_from_a_millimeter_away(data):
             block, original = again.scene.fluid[0].block, truth.scene.fluid[0].block
             np.testing.assert_allclose(np.subtract(block.min, original.min), shift, atol=1e-9)
             np.testing.assert_allclose(np.subtract(block.max, original.max), shift, atol=1e-9)
-            assert again.provenance.model == solver.NAME
+            assert again.provenance.simulator == solver.NAME
 
 
 def test_what_is_missing_is_made_again_to_the_byte_and_the_rest_kept(data):
@@ -52,10 +52,10 @@ def test_a_scene_that_cannot_be_run_again_is_left_out_and_its_reason_told(data):
         "fluid: [{block: {min: [0, 0, 0.1], max: [0.1, 0.1, 0.2]}}]",
         "heavy",
     )
-    start = scene.start(None)
+    start = scene.initial_particles(None)
     with TrajectoryWriter(data / "00002.h5", scene, Provenance("none"), len(start.positions)) as writer:
         for _ in range(6):
-            writer.append(start.positions, start.particle_velocities)
+            writer.append(start.positions, start.velocities)
     with pytest.warns(NoFloorWarning) as told:
         paths = floor(data)
     assert len(paths) == 6

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from surfsup.datasets.recipes.extent import extent, lowest_point, support
 from surfsup.datasets.recipes.prim_shapes import SHAPES, turned
-from surfsup.datasets.recipes.support import extent, lowest_point, support
 from surfsup.scene import Shape
 from surfsup.sdf import polygonize
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from surfsup.datasets.stream import Simulated, Stream, stream
+from surfsup.datasets.streaming.stream import Simulated, Stream, stream
 from surfsup.datasets.windows import Window, draw_window
 from surfsup.sph.state import Environment
 

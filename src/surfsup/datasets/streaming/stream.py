@@ -13,9 +13,9 @@ from pathlib import Path
 import numpy as np
 
 from surfsup.datasets.folder import LOCK, locked
-from surfsup.datasets.scene_sampling import Drawing
-from surfsup.datasets.simulation import Run, simulate_sound
-from surfsup.datasets.worker_pool import Crew, crew, while_wanted
+from surfsup.datasets.generation.checked_simulation import Run, simulate_sound
+from surfsup.datasets.generation.scene_sampler import Drawing
+from surfsup.datasets.generation.worker_pool import Crew, crew, while_wanted
 from surfsup.errors import InputError
 from surfsup.scene import Scene
 

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from surfsup.datasets.statistics import Sums, Tally, normalization
+from surfsup.datasets.generation.statistics import Sums, Tally, normalization
 
 GRAVITY = (1.0, 0.0, -10.0)
 

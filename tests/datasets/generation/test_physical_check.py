@@ -4,7 +4,7 @@ import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
-from surfsup.datasets.check import DENSITY_EVERY, Check, SolidWatch, UnphysicalError
+from surfsup.datasets.generation.physical_check import DENSITY_EVERY, Check, SolidWatch, UnphysicalError
 from surfsup.scene import FRAME_TIME, Scene
 from surfsup.sdf import Sphere, Surface
 
@@ -18,7 +18,7 @@ FRAMES = 2 * DENSITY_EVERY
 
 def fall() -> tuple[np.ndarray, np.ndarray]:
     """Positions and velocities (frames, 3, N) of a block in free fall, which ends above the ball."""
-    start = SCENE.start(None).positions.T.astype(float)
+    start = SCENE.initial_particles(None).positions.T.astype(float)
     times = FRAME_TIME * np.arange(FRAMES)[:, None, None]
     gravity = np.array(SCENE.gravity)[:, None]
     velocities = np.broadcast_to(times * gravity, (FRAMES, *start.shape))

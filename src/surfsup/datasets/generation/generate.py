@@ -6,14 +6,14 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from surfsup.datasets import dataset_file
-from surfsup.datasets.dataset_file import Identity
 from surfsup.datasets.folder import locked, whole_file
-from surfsup.datasets.generation_record import Made, note_making
-from surfsup.datasets.progress_estimate import Pace
-from surfsup.datasets.scene_sampling import Drawing
-from surfsup.datasets.simulation import Run, simulate_sound
-from surfsup.datasets.worker_pool import crew, while_wanted
+from surfsup.datasets.generation import dataset_file
+from surfsup.datasets.generation.checked_simulation import Run, simulate_sound
+from surfsup.datasets.generation.dataset_file import Identity
+from surfsup.datasets.generation.progress_estimate import Pace
+from surfsup.datasets.generation.record import Made, note_making
+from surfsup.datasets.generation.scene_sampler import Drawing
+from surfsup.datasets.generation.worker_pool import crew, while_wanted
 from surfsup.errors import InputError, SimulationError
 from surfsup.io.trajectory import Provenance, TrajectoryWriter
 from surfsup.splishsplash import solver

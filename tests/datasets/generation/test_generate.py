@@ -11,9 +11,9 @@ import pytest
 import yaml
 
 from surfsup.datasets.folder import locked
-from surfsup.datasets.generate import generate
-from surfsup.datasets.generation_record import Made
-from surfsup.datasets.scene_sampling import Drawing
+from surfsup.datasets.generation.generate import generate
+from surfsup.datasets.generation.record import Made
+from surfsup.datasets.generation.scene_sampler import Drawing
 from surfsup.errors import InputError, SimulationError
 from surfsup.io.trajectory import Trajectory
 from surfsup.splishsplash.solver import NAME
@@ -39,7 +39,7 @@ def test_a_data_set_is_one_trajectory_a_scene_and_says_what_it_is(tmp_path):
         with Trajectory(path) as trajectory:
             assert len(trajectory) == 6
             assert trajectory.scene.to_yaml() == Drawing("tiny", 5).scene(index).to_yaml()
-            assert trajectory.provenance.model == NAME
+            assert trajectory.provenance.simulator == NAME
             assert trajectory.provenance.seed == 5
 
 

@@ -5,9 +5,9 @@ import time
 
 import pytest
 
-from surfsup.datasets import worker_pool
 from surfsup.datasets.folder import locked
-from surfsup.datasets.worker_pool import crew, what_is_missing, while_wanted
+from surfsup.datasets.generation import worker_pool
+from surfsup.datasets.generation.worker_pool import crew, what_is_missing, while_wanted
 from surfsup.errors import InputError
 from surfsup.splishsplash.solver import SolverError
 from tests.datasets.conftest import needs_solver

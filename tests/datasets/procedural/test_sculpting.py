@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from surfsup.datasets.procedural.clay import Clay, bar, box, ellipsoid, smooth_minimum
+from surfsup.datasets.procedural.sculpting import Clay, bar, box, ellipsoid, smooth_minimum
 
 
 def clay():

@@ -1,6 +1,6 @@
 import pytest
 
-from surfsup.datasets.progress_estimate import Pace
+from surfsup.datasets.generation.progress_estimate import Pace
 
 
 def test_what_is_left_follows_from_the_time_of_one_simulation_not_from_how_many_ended():

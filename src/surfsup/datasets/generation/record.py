@@ -7,9 +7,9 @@ from pathlib import Path
 
 import h5py
 
-from surfsup.datasets.scene_sampling import Drawing
-from surfsup.datasets.simulation import Run
-from surfsup.datasets.statistics import Sums
+from surfsup.datasets.generation.checked_simulation import Run
+from surfsup.datasets.generation.scene_sampler import Drawing
+from surfsup.datasets.generation.statistics import Sums
 from surfsup.errors import InputError
 from surfsup.io.trajectory import GROUP, TrajectoryWriter
 
@@ -74,4 +74,4 @@ class Made:
 def note_making(writer: TrajectoryWriter, drawing: Drawing, index: int, run: Run) -> None:
     """Write into a trajectory file what :meth:`Made.read` reads, once ``run`` has ended."""
     notes = {"recipe": drawing.recipe, "seed": drawing.seed, "index": index, "set_aside": "\n".join(run.set_aside)}
-    writer.note(TOPIC, notes | run.sums.to_notes())
+    writer.write_attributes(TOPIC, notes | run.sums.to_notes())

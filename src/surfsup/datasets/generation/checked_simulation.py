@@ -9,11 +9,11 @@ from typing import TypeVar
 
 import numpy as np
 
-from surfsup.datasets.check import Check, UnphysicalError
-from surfsup.datasets.scene_sampling import Drawing
-from surfsup.datasets.statistics import Sums, Tally
+from surfsup.datasets.generation.physical_check import Check, UnphysicalError
+from surfsup.datasets.generation.scene_sampler import Drawing
+from surfsup.datasets.generation.statistics import Sums, Tally
 from surfsup.errors import SimulationError
-from surfsup.scene import Scene, Start
+from surfsup.scene import InitialParticles, Scene
 from surfsup.sdf import Surface
 from surfsup.splishsplash import solver
 
@@ -42,7 +42,7 @@ class Run:
         self,
         scene: Scene,
         surface: Surface | None,
-        start: Start,
+        start: InitialParticles,
         set_aside: tuple[str, ...] = (),
     ) -> None:
         self.scene, self.set_aside = scene, set_aside
@@ -96,7 +96,7 @@ def simulate_sound(drawing: Drawing, index: int, take: Callable[[Run], T]) -> T:
     while len(reasons) < DRAWS:
         scene = drawing.scene(index, attempt=len(reasons))
         surface = scene.build_surface()
-        run = Run(scene, surface, scene.start(surface), tuple(reasons))
+        run = Run(scene, surface, scene.initial_particles(surface), tuple(reasons))
         try:
             return patiently(run, take)
         except (UnphysicalError, solver.SolverError) as error:

@@ -4,8 +4,8 @@ import numpy as np
 import psutil
 import pytest
 
-from surfsup.datasets.scene_sampling import Drawing
-from surfsup.datasets.stream import stream
+from surfsup.datasets.generation.scene_sampler import Drawing
+from surfsup.datasets.streaming.stream import stream
 from surfsup.errors import InputError, SimulationError
 from tests.datasets.conftest import needs_solver
 
@@ -22,7 +22,7 @@ def test_it_goes_on_and_no_scene_comes_twice(tmp_path):
         assert simulated.scene == scene
         assert len(simulated) == scene.frames
         assert simulated.velocities.shape == simulated.positions.shape == (6, 8, 3)
-        np.testing.assert_allclose(simulated.positions[0], scene.start(None).positions, atol=1e-6)
+        np.testing.assert_allclose(simulated.positions[0], scene.initial_particles(None).positions, atol=1e-6)
         assert (simulated.velocities[-1, :, 2] < simulated.velocities[0, :, 2]).all()
         positions, velocities = simulated.window(2, 3)
         np.testing.assert_array_equal(positions, simulated.positions[2:5])

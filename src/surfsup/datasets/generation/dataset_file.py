@@ -10,11 +10,11 @@ import yaml
 
 from surfsup import __version__
 from surfsup.datasets.folder import whole_file
-from surfsup.datasets.generation_record import Made
-from surfsup.datasets.scene_sampling import Drawing
-from surfsup.datasets.statistics import normalization
+from surfsup.datasets.generation.record import Made
+from surfsup.datasets.generation.scene_sampler import Drawing
+from surfsup.datasets.generation.statistics import normalization
 from surfsup.errors import InputError
-from surfsup.scene.yaml_text import parse_yaml
+from surfsup.scene.safe_yaml import parse_yaml
 from surfsup.splishsplash import solver
 
 NAME = "dataset.yaml"

@@ -1,0 +1,1 @@
+"""Generating data sets: scenes of a recipe, simulated by the reference solver, side by side."""

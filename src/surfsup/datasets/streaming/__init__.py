@@ -1,0 +1,1 @@
+"""Scenes simulated while training runs, and the training windows of them."""
