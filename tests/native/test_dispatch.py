@@ -38,6 +38,11 @@ def test_one_tensor_of_another_precision_or_device_keeps_all_in_torch(built, oth
     assert not can_run_native(torch.zeros(5, 3), other)
 
 
+def test_a_native_function_in_double_precision_takes_only_such_tensors(built):
+    assert can_run_native(torch.zeros(3, dtype=torch.float64), dtype=torch.float64)
+    assert not can_run_native(torch.zeros(3), dtype=torch.float64)
+
+
 def test_a_tensor_that_requires_a_gradient_keeps_all_in_torch(built):
     points = torch.zeros(5, 3, requires_grad=True)
     assert not can_run_native(torch.zeros(3), points)

@@ -27,6 +27,7 @@ from surfsup.sdf import (
     load_siren,
     standing,
 )
+from surfsup.sdf.native_query import distance_and_normal_native, distance_native
 from surfsup.sdf.neural.code_network import CodeNetwork, CodeSizes
 from surfsup.sdf.neural.deepsdf import DeepSdfSurface
 from surfsup.sdf.neural.sine_network import SineNetwork
@@ -146,7 +147,7 @@ def test_where_networks_and_meshes_are_joined_the_normal_is_that_of_the_nearest(
 def test_the_distance_alone_is_the_same(name):
     surface = SOLIDS[name]
     points = points_around(surface, 1300, dtype=torch.float32)
-    assert torch.equal(surface.distance_natively(points), surface.look_natively(points)[0])
+    assert torch.equal(distance_native(surface, points), distance_and_normal_native(surface, points)[0])
 
 
 @every_solid
@@ -322,13 +323,13 @@ def test_layers_that_do_not_fit_each_other_are_refused(wrong):
 
 def test_a_gradient_double_precision_and_unknown_solids_are_left_to_torch():
     points = torch.rand(4, 3)
-    assert Sphere(0.3).look_natively(points) is not None
-    assert Sphere(0.3).look_natively(points.double()) is None
-    assert Sphere(0.3).look_natively(points.clone().requires_grad_()) is None
+    assert distance_and_normal_native(Sphere(0.3), points) is not None
+    assert distance_and_normal_native(Sphere(0.3), points.double()) is None
+    assert distance_and_normal_native(Sphere(0.3), points.clone().requires_grad_()) is None
     shape = torch.tensor(0.3, requires_grad=True)
-    assert Sphere(shape).look_natively(points) is None
+    assert distance_and_normal_native(Sphere(shape), points) is None
     with torch.no_grad():
-        assert Sphere(shape).look_natively(points) is not None
+        assert distance_and_normal_native(Sphere(shape), points) is not None
     mesh = MeshSurface(Box((0.4, 0.4, 0.4)).to_mesh(8), exact=True)
     assert Union(Sphere(0.2), mesh).native_solid() is None
     assert Transformed(mesh).native_solid() is None

@@ -24,20 +24,21 @@ def fastest_isa() -> str:
     return native.instruction_sets()[0]
 
 
-def can_run_native(*tensors: Tensor, module: nn.Module | None = None) -> bool:
+def can_run_native(*tensors: Tensor, module: nn.Module | None = None, dtype: torch.dtype = torch.float32) -> bool:
     """Whether C++ code may read ``tensors`` and use ``module`` in place of torch.
 
-    The C++ code must be built, every tensor must be in single precision on the CPU, and nothing may need a gradient,
-    since C++ results carry none. With no arguments the answer is whether the C++ code is built. Tensors need not be
-    contiguous: the caller makes them so.
+    The C++ code must be built, every tensor must have the precision of the C++ function and be on the CPU, and nothing
+    may need a gradient, since C++ results carry none. With no arguments the answer is whether the C++ code is built.
+    Tensors need not be contiguous: the caller makes them so.
 
     Args:
         tensors: Inputs of the computation. Detach those whose gradient is not needed, or is computed otherwise.
         module: A surface or network that takes part; only its gradients are checked, not its precision or device.
+        dtype: Precision of the C++ function. Nearly all are in single precision.
     """
     return (
         is_built()
-        and all(tensor.dtype == torch.float32 and tensor.device.type == "cpu" for tensor in tensors)
+        and all(tensor.dtype == dtype and tensor.device.type == "cpu" for tensor in tensors)
         and not needs_gradient(*tensors, module=module)
     )
 

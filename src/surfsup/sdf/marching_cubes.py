@@ -8,46 +8,47 @@ import numpy as np
 import torch
 
 from surfsup.errors import InputError
-from surfsup.sdf.surface import Surface
 
 if TYPE_CHECKING:
     import trimesh
 
-CHUNK = 200_000  # grid points a query: bounds the memory of the surface's own intermediate tensors
+    from surfsup.sdf.surface import Surface
+
+CHUNK = 200_000  # grid points per query; limits the memory of the surface's intermediate tensors
 
 
 def polygonize(surface: Surface, resolution: int = 96) -> trimesh.Trimesh:
-    """Triangles of the zero set by marching cubes, vertices then moved onto the surface by Newton's method.
+    """Triangles of the zero set: marching cubes, followed by two Newton steps that move vertices onto the surface.
 
     Args:
-        surface: what to polygonize.
-        resolution: cells along the longest side of the surface's bounds.
+        surface: The surface to triangulate.
+        resolution: Cells along the longest side of the surface's bounds.
 
     Returns:
-        A mesh in meters, its faces turned outward; closed when the surface is.
+        A mesh in meters with faces oriented outward; closed if the surface is.
 
     Raises:
-        InputError: nothing of the solid is larger than a cell.
+        InputError: No part of the solid is larger than a cell.
     """
     import igl
     import trimesh
 
     lower, upper = surface.bounds().detach().cpu().double().numpy()
     if not (np.isfinite(lower).all() and np.isfinite(upper).all() and (lower < upper).all()):
-        raise InputError("the surface is empty: its parts have no room in common")
+        raise InputError("the surface is empty: the bounding boxes of its parts do not overlap")
     cell = float((upper - lower).max()) / resolution
-    # The odd shift keeps flat faces off the grid points, where a value of exactly zero would split vertices.
+    # An irrational shift keeps flat faces off the grid points, where values of exactly zero would duplicate vertices.
     start = lower - 1.6180339 * cell
     axes = [np.arange(low, high + 2 * cell, cell) for low, high in zip(start, upper, strict=True)]
-    # libigl wants x to run fastest.
+    # libigl expects x to vary fastest.
     z, y, x = np.meshgrid(axes[2], axes[1], axes[0], indexing="ij")
     grid = np.stack([x.ravel(), y.ravel(), z.ravel()], axis=1)
     values = np.concatenate([distances(surface, part) for part in chunks(grid)])
     if values.min() >= 0:
-        raise InputError(f"the surface has no inside that a grid of {cell:.3g} m cells could see; is it empty?")
+        raise InputError(f"the surface has no inside that a grid with cells of {cell:.3g} m resolves; is it empty?")
     vertices, faces, *_ = igl.marching_cubes(values, grid, len(axes[0]), len(axes[1]), len(axes[2]), 0.0)
     for _ in range(2):
-        steps = [newton_step(surface, part, largest=cell / 2) for part in chunks(vertices)]
+        steps = [newton_step(surface, part, max_step=cell / 2) for part in chunks(vertices)]
         vertices = vertices - np.concatenate(steps)
     mesh = trimesh.Trimesh(vertices, faces, process=False)
     if mesh.volume < 0:
@@ -56,7 +57,7 @@ def polygonize(surface: Surface, resolution: int = 96) -> trimesh.Trimesh:
 
 
 def chunks(points: np.ndarray) -> list[np.ndarray]:
-    """``points`` (N, 3) in parts of about CHUNK."""
+    """``points`` (N, 3) in parts of about CHUNK points."""
     return np.array_split(points, max(1, len(points) // CHUNK))
 
 
@@ -67,13 +68,13 @@ def distances(surface: Surface, points: np.ndarray) -> np.ndarray:
     return values.cpu().numpy().astype(np.float64)
 
 
-def newton_step(surface: Surface, vertices: np.ndarray, largest: float) -> np.ndarray:
-    """How far (N, 3) each vertex lies off the surface, no step longer than ``largest``."""
+def newton_step(surface: Surface, vertices: np.ndarray, max_step: float) -> np.ndarray:
+    """The displacement (N, 3) of each vertex from the surface, at most ``max_step`` long."""
     with torch.no_grad():
         distance, normal = surface.distance_and_normal(as_query(surface, vertices))
-    return (distance.clamp(-largest, largest)[:, None] * normal).cpu().numpy().astype(np.float64)
+    return (distance.clamp(-max_step, max_step)[:, None] * normal).cpu().numpy().astype(np.float64)
 
 
 def as_query(surface: Surface, points: np.ndarray) -> torch.Tensor:
-    """``points`` where the surface lives."""
+    """``points`` in single precision on the device of the surface."""
     return torch.as_tensor(points, dtype=torch.float32, device=surface.bounds().device)

@@ -12,6 +12,7 @@ from torch import Tensor
 
 from surfsup import native
 from surfsup.errors import InputError
+from surfsup.sdf.native_query import distance_and_normal_native
 from surfsup.sdf.primitives import positive
 from surfsup.sdf.surface import Surface
 
@@ -50,9 +51,9 @@ class Transformed(Surface):
 
     def distance_and_normal(self, points: Tensor) -> tuple[Tensor, Tensor]:
         """Signed distance (N,) and normal (N, 3), both asked of the surface in its own frame."""
-        found = self.look_natively(points)
-        if found is not None:
-            return found
+        result = distance_and_normal_native(self, points)
+        if result is not None:
+            return result
         distance, normal = self.surface.distance_and_normal(self.to_own_frame(points))
         return self.scale * distance, normal @ self.rotation.T.to(normal.dtype)
 

@@ -15,6 +15,7 @@ import torch
 from torch import Tensor
 
 from surfsup import native
+from surfsup.native.dispatch import tensors_requiring_grad
 from surfsup.scene import FRAME_TIME, Scene
 from surfsup.sdf import Surface, Transformed
 from surfsup.sph.boundary.map_interpolation import SolidMap
@@ -95,7 +96,7 @@ class Environment:
             torch.tensor(container.lower, device=device),
             torch.tensor(container.upper, device=device),
             torch.tensor(scene.gravity, device=device),
-            None if surface is None or surface.records_gradients() else SolidMap.of(surface, container),
+            None if surface is None or tensors_requiring_grad(surface) else SolidMap.of(surface, container),
         )
 
     def transformed_by(self, matrix: Tensor) -> Environment:
@@ -136,11 +137,11 @@ class Environment:
 
     def records_gradients(self) -> bool:
         """Whether any parameter of the solid wants a gradient."""
-        return self.surface is not None and self.surface.records_gradients()
+        return bool(tensors_requiring_grad(self.surface))
 
     def recording(self) -> list[Tensor]:
         """The parameters of the solid that want a gradient, each once."""
-        return [] if self.surface is None else self.surface.recording()
+        return tensors_requiring_grad(self.surface)
 
     def distance_and_normal(self, points: Tensor) -> tuple[Tensor, Tensor]:
         """Signed distance (N,) in meters and normal (N, 3) of the solid; infinite where there is none."""
@@ -154,6 +155,6 @@ def on_device(surface: Surface, device: torch.device | str) -> Surface:
 
     To move a surface moves it for all who hold it, and files and maps are made where it was.
     """
-    if torch.device(device).type == "cpu" or surface.records_gradients():
+    if torch.device(device).type == "cpu" or tensors_requiring_grad(surface):
         return surface.to(device)
     return deepcopy(surface).to(device)

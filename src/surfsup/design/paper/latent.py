@@ -17,8 +17,8 @@ from surfsup.design.parameter import Parameter
 from surfsup.design.reward import Outcome, near
 from surfsup.design.task import Task
 from surfsup.errors import InputError
-from surfsup.scene import Block, Fluid, Scene
 from surfsup.native.dispatch import needs_gradient
+from surfsup.scene import Block, Fluid, Scene
 from surfsup.sdf import Surface, Transformed
 from surfsup.sdf.neural.deepsdf import DeepSdfSurface, load_deepsdf
 from surfsup.sdf.neural.surface import NEAR

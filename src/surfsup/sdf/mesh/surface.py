@@ -10,8 +10,10 @@ from torch import Tensor
 
 from surfsup import native
 from surfsup.errors import InputError
+from surfsup.native.dispatch import is_built
 from surfsup.sdf.mesh.distance_cache import DistanceCache
 from surfsup.sdf.mesh.query import ON_SURFACE, MeshQuery
+from surfsup.sdf.native_query import distance_and_normal_native, distance_native
 from surfsup.sdf.surface import Surface
 
 if TYPE_CHECKING:
@@ -70,12 +72,12 @@ class MeshSurface(Surface):
 
     def distance(self, points: Tensor) -> Tensor:
         """Signed distance (N,); exact near the surface (see the class)."""
-        found = self.distance_natively(points)
+        found = distance_native(self, points)
         return self.distance_and_normal(points)[0] if found is None else found
 
     def distance_and_normal(self, points: Tensor) -> tuple[Tensor, Tensor]:
         """Signed distance (N,) and unit normal (N, 3), by one query; the normal carries no gradient."""
-        found = self.look_natively(points)
+        found = distance_and_normal_native(self, points)
         if found is not None:
             return found
         values = self.look_up(points.detach().cpu().double().numpy())
@@ -84,7 +86,7 @@ class MeshSurface(Surface):
 
     def native_solid(self) -> native.Solid | None:
         """The same in C++, unless the mesh is asked for every point."""
-        if self.exact or not native.instruction_sets():
+        if self.exact or not is_built():
             return None
         fine, coarse = self.build_caches()
         return native.Solid.of_mesh(

@@ -10,9 +10,11 @@ import torch
 from torch import Tensor, nn
 
 from surfsup import native
+from surfsup.native.dispatch import needs_gradient
 from surfsup.sdf.grid import Lattice
 from surfsup.sdf.marching_cubes import polygonize
 from surfsup.sdf.mesh.surface import MeshSurface
+from surfsup.sdf.native_query import distance_and_normal_native, distance_native
 from surfsup.sdf.neural.native_layers import NativeLayers
 from surfsup.sdf.surface import Surface
 from surfsup.sdf.transform import Transformed
@@ -58,7 +60,7 @@ class NeuralSurface(Surface):
         """Signed distance (N,), by the network near the surface and by the lattice beyond."""
         if self.exact:
             return self.exact_surface().distance(points)
-        found = self.distance_natively(points)
+        found = distance_native(self, points)
         if found is not None:
             return found
         single = points.float()
@@ -74,10 +76,10 @@ class NeuralSurface(Surface):
         """Signed distance (N,) and unit normal (N, 3) in one pass, both differentiable."""
         if self.exact:
             return self.exact_surface().distance_and_normal(points)
-        found = self.look_natively(points)
+        found = distance_and_normal_native(self, points)
         if found is not None:
             return found
-        with torch.set_grad_enabled(self.is_recording(points)):
+        with torch.set_grad_enabled(needs_gradient(points, module=self)):
             return self.look(points)
 
     def look(self, points: Tensor) -> tuple[Tensor, Tensor]:
