@@ -1,15 +1,17 @@
-"""Milliseconds a frame of 5 ms: the shipped model, native and in torch, against SPlisHSPlasH, same scene, same cores.
+"""Time of a frame of 5 ms: surfsup's solver, native and in torch, against SPlisHSPlasH on the same scene and cores.
 
-    python benchmarks/against_solver.py [--particles 3000 50000] [--threads 1 2] [--frames 200] [--no-torch]
-                                        [--surface ball knot coral chair]
+    python benchmarks/against_solver.py [--particles 3000 50000] [--threads 1 2] [--frames 200] [--rounds 3]
+                                        [--surface ball knot coral chair] [--no-torch] [--simulator NAME]
 
-A block of water falls on a ball, or on a mesh or a neural surface as high; every run is a process of its own, one after
-the other. Ours counts everything:
-neighbors, network, distances, guard, and writing the trajectory. The solver's bare steps count, nothing read from it
-or written: with its fixed step of 1 ms (five a frame, the paper's setting) and with its own adaptive step by the CFL
-condition (its defaults). Set-up is left out on both sides, that is all up to the end of the first frame. ms is
-wall-clock time, and 'cpu' processor time of all threads. Last, where a native frame's time goes. At 50,000 particles
-it takes some five minutes for each number of threads, most of it in torch (`--no-torch`).
+A block of water falls on a ball, a mesh or a neural surface of the same height. Every run is a process of its own, and
+the runs of a round follow each other. The time of surfsup includes everything: neighbor search, pressure solve,
+distances, collision handling, and writing the trajectory. The time of SPlisHSPlasH includes only its steps, without
+reading or writing: with a fixed step of 1 ms (five a frame, the setting of the paper), and with its adaptive step
+(CFL condition, its default). Set-up, up to the end of the first frame, is excluded on both sides. Every time is given
+as wall clock, and in brackets as processor time of all threads. At 50,000 particles a round takes five minutes for
+each number of threads, most of it in torch (`--no-torch` leaves that out).
+
+The results are written to `benchmarks/results/speed_*.json`.
 """
 
 from __future__ import annotations
@@ -18,6 +20,7 @@ import argparse
 import itertools
 import json
 import os
+import statistics
 import subprocess
 import sys
 import tempfile
@@ -26,15 +29,17 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from record import write_result
 from surfsup.scene import FRAME_TIME, Scene
-from surfsup.sph.boundary.scene_boundaries import boundaries
+from surfsup.sph.boundary.scene_boundaries import scene_volume_maps
 from surfsup.splishsplash.job_files import STEPS_PER_FRAME, write_job
 
-Timing = tuple[float, float]  # wall-clock and processor milliseconds a frame
-CFL = 1  # SPlisHSPlasH's adaptive step
+Timing = tuple[float, float]  # wall-clock and processor milliseconds of a frame
+CFL = 1  # number of the adaptive step in SPlisHSPlasH
 SPACING, LAYERS = 0.03, 14
-RADIUS = 0.3  # meters of the ball
+RADIUS = 0.3  # meters, of the ball
 EXTENT = 2 * RADIUS
+DEFAULT = "dfsph"
 MESH = Path(__file__).parent.parent / "examples" / "knot.obj"
 SURFACES: dict[str, dict[str, Any]] = {
     "ball": {"sphere": {"radius": RADIUS}, "at": [0, 0, RADIUS]},
@@ -42,70 +47,73 @@ SURFACES: dict[str, dict[str, Any]] = {
     "coral": {"siren": {"file": "coral", "fit": EXTENT}},
     "chair": {"deepsdf": {"file": "chairs", "shape": "chair-0100", "fit": EXTENT}, "at": [0, 0, RADIUS]},
 }
+TITLES = {"ball": "a ball", "knot": "a knot (mesh)", "coral": "a coral (SIREN)", "chair": "a chair (DeepSDF)"}
+FIXED, ADAPTIVE, NATIVE, TORCH = "SPlisHSPlasH 1 ms", "SPlisHSPlasH CFL", "native", "torch"
 
 
 def scene_of(particles: int, frames: int, surface: str = "ball") -> Scene:
-    """A block of about so many particles, as high as those of the training scenes, above a solid; more: it is wider."""
+    """A block of about ``particles`` particles above a solid; it has 14 layers and is as wide as needed."""
     side = SPACING * (round((particles / LAYERS) ** 0.5) + 1) + 1e-4
     height = SPACING * (LAYERS + 1) + 1e-4
     width, bottom = max(1.0, 1.5 * side), EXTENT + 0.05
     block = {"min": [-side / 2, -side / 2, bottom], "max": [side / 2, side / 2, bottom + height]}
-    return Scene.from_yaml(
-        json.dumps(
-            {
-                "container": {"size": [width, width, 2.0]},
-                "surface": SURFACES[surface],
-                "fluid": [{"block": block}],
-                "frames": frames,
-            }
-        ),
-        "the benchmark's scene",
-        Path(),
-    )
+    description = {
+        "container": {"size": [width, width, 2.0]},
+        "surface": SURFACES[surface],
+        "fluid": [{"block": block}],
+        "frames": frames,
+    }
+    return Scene.from_yaml(json.dumps(description), "the benchmark's scene", Path())
 
 
-def timed(frame: Callable[[], Any], frames: int) -> Timing:
-    """The mean of so many frames."""
+def mean_timing(frame: Callable[[], Any], frames: int) -> Timing:
+    """The mean time of ``frames`` calls."""
     wall, processor = time.perf_counter(), time.process_time()
     for _ in range(frames):
         frame()
     return 1000 * (time.perf_counter() - wall) / frames, 1000 * (time.process_time() - processor) / frames
 
 
-def ours(scene: Scene, model_name: str | None, native: bool) -> Timing:
-    """A rollout that is written as it is made."""
-    from surfsup import native as built
+def time_surfsup(scene: Scene, simulator_name: str, use_native: bool) -> Timing:
+    """A rollout that is written frame by frame, in this process."""
+    from surfsup import native
     from surfsup.io.trajectory import Provenance, TrajectoryWriter
-    from surfsup.learned import weights_file
+    from surfsup.learned.registry import load_simulator
     from surfsup.simulation import simulate
 
-    if not native:
-        built.paths = list  # as if it had been built without a compiler
+    if not use_native:
+        native.instruction_sets = list  # as if the package had been installed without a compiler
     surface = scene.build_surface()
-    start = scene.start(surface)
-    model, _ = weights_file.load(weights_file.find(model_name or weights_file.DEFAULT_MODEL))
-    frames = simulate(model, scene, surface, start, "cpu")
+    start = scene.initial_particles(surface)
+    simulator, _ = load_simulator(simulator_name)
+    frames = simulate(simulator, scene, surface, start, "cpu")
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "trajectory.h5"
         with TrajectoryWriter(path, scene, Provenance("benchmark"), len(start.positions)) as writer:
             writer.append(*next(frames))
             writer.append(*next(frames))
-            return timed(lambda: writer.append(*next(frames)), scene.frames - 2)
+            return mean_timing(lambda: writer.append(*next(frames)), scene.frames - 2)
 
 
-def solver(scene: Scene, adaptive: bool) -> Timing:
-    """Bare steps of SPlisHSPlasH in this process, by its own clock; its threads are those of the environment."""
+def time_splishsplash(scene: Scene, adaptive: bool) -> Timing:
+    """The steps of SPlisHSPlasH in this process; OMP_NUM_THREADS sets its number of threads."""
     from surfsup.splishsplash.library import load_solver
 
     surface = scene.build_surface()
-    start = scene.start(surface)
+    start = scene.initial_particles(surface)
     library = load_solver()
     with tempfile.TemporaryDirectory() as folder:
-        path = write_job(Path(folder), scene.gravity, start.blocks, start.velocities, boundaries(scene, surface))
+        path = write_job(
+            Path(folder),
+            scene.gravity,
+            start.block_positions,
+            start.block_velocities,
+            scene_volume_maps(scene, surface),
+        )
         if adaptive:
-            told = json.loads(path.read_text())
-            told["Configuration"]["cflMethod"] = CFL
-            path.write_text(json.dumps(told))
+            job = json.loads(path.read_text())
+            job["Configuration"]["cflMethod"] = CFL
+            path.write_text(json.dumps(job))
         base = library.Exec.SimulatorBase()
         base.init(
             sceneFile=str(path),
@@ -117,110 +125,110 @@ def solver(scene: Scene, adaptive: bool) -> Timing:
             stopAt=-1.0,
         )
         base.initSimulation()
-        end = (scene.frames - 1) * FRAME_TIME
-        base.setValueFloat(base.STOP_AT, end)
+        base.setValueFloat(base.STOP_AT, (scene.frames - 1) * FRAME_TIME)
         began: list[float] = []
 
         def after_step() -> None:
-            # The first frame carries the set-up.
+            # The first frame includes the set-up.
             if not began and library.TimeManager.getCurrent().getTime() > FRAME_TIME * (1 - 0.5 / STEPS_PER_FRAME):
                 began.extend([library.TimeManager.getCurrent().getTime(), time.perf_counter(), time.process_time()])
 
         base.setTimeStepCB(after_step)
         base.runSimulation()
-        simulated = library.TimeManager.getCurrent().getTime() - began[0]
-        frames = simulated / FRAME_TIME
+        frames = (library.TimeManager.getCurrent().getTime() - began[0]) / FRAME_TIME
         timing = 1000 * (time.perf_counter() - began[1]) / frames, 1000 * (time.process_time() - began[2]) / frames
         base.cleanup()
         return timing
 
 
-def profile(scene: Scene, model_name: str | None) -> dict[str, float]:
-    """Processor milliseconds of the parts of a native frame, least of 20, in the middle of the scene, one thread."""
-    import torch
-
-    from surfsup.learned import weights_file
-    from surfsup.sph.collision import resolve_collisions
-    from surfsup.sph.state import Environment
-
-    torch.set_num_threads(1)
-    torch.set_grad_enabled(False)
-    surface = scene.build_surface()
-    start = scene.start(surface)
-    model, _ = weights_file.load(weights_file.find(model_name or weights_file.DEFAULT_MODEL))
-    environment = Environment.of(scene, surface)
-    state = model.start(torch.from_numpy(start.positions), torch.from_numpy(start.particle_velocities), environment)
-    for _ in range(scene.frames // 2):
-        state, _ = model.step(state, environment)
-    positions, velocities, _, last, _ = model.native.take(model, state, environment, handle_collisions=False)
-    parts = {
-        "whole step": lambda: model.step(state, environment),
-        "distances to the solid": lambda: environment.distance_and_normal(positions),
-        "guard, with distances": lambda: resolve_collisions(state.positions, positions, velocities, environment, last),
-    }
-    return {name: min(timed(part, 1)[1] for _ in range(20)) for name, part in parts.items()}
-
-
-COMPARED = ("solver 1 ms", "solver CFL", "native")
-TORCH = "torch"
-RUNS: dict[str, Callable[[Scene, str | None], Any]] = {
-    "solver 1 ms": lambda scene, _: solver(scene, adaptive=False),
-    "solver CFL": lambda scene, _: solver(scene, adaptive=True),
-    TORCH: lambda scene, model: ours(scene, model, native=False),
-    "native": lambda scene, model: ours(scene, model, native=True),
-    "profile": profile,
+RUNS: dict[str, Callable[[Scene, str], Timing]] = {
+    FIXED: lambda scene, _: time_splishsplash(scene, adaptive=False),
+    ADAPTIVE: lambda scene, _: time_splishsplash(scene, adaptive=True),
+    TORCH: lambda scene, simulator: time_surfsup(scene, simulator, use_native=False),
+    NATIVE: lambda scene, simulator: time_surfsup(scene, simulator, use_native=True),
 }
 
 
-def in_its_own_process(name: str, scene: Scene, threads: int, model: str | None) -> Any:
-    """What a run says, in a process with so many threads."""
+def run_in_own_process(name: str, scene: Scene, threads: int, simulator: str) -> Timing:
+    """The timing of one run, measured in a process with ``threads`` threads."""
     with tempfile.TemporaryDirectory() as folder:
         path, result = Path(folder) / "scene.yaml", Path(folder) / "result.json"
         path.write_text(scene.to_yaml())
-        command = [sys.executable, __file__, "--run", name, str(path), str(result)]
-        command += ["--model", model] if model else []
+        command = [sys.executable, __file__, "--run", name, str(path), str(result), "--simulator", simulator]
         environment = {**os.environ, "OMP_NUM_THREADS": str(threads)}
-        if name.startswith("solver"):
+        if name in (FIXED, ADAPTIVE):
             environment["OMP_WAIT_POLICY"] = "passive"
         done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
         if done.returncode:
             sys.exit(f"{name} failed: {done.stderr.strip()[-500:]}")
-        return json.loads(result.read_text())
+        wall, processor = json.loads(result.read_text())
+        return wall, processor
+
+
+def compare(scene: Scene, surface: str, particles: int, threads: int, arguments: argparse.Namespace) -> None:
+    """Time one scene with one number of threads, print all rounds, write the medians."""
+    count = len(scene.initial_particles(scene.build_surface()).positions)
+    names = (FIXED, ADAPTIVE, NATIVE, *((TORCH,) if arguments.torch else ()))
+    rounds = []
+    for _ in range(arguments.rounds):
+        timings = {name: run_in_own_process(name, scene, threads, arguments.simulator) for name in names}
+        rounds.append(timings)
+        print(
+            f"{surface}, {count} particles, {arguments.frames} frames, {threads} threads; ms wall (processor): "
+            + ", ".join(f"{name} {wall:.2f} ({processor:.2f})" for name, (wall, processor) in timings.items()),
+            flush=True,
+        )
+    walls = {name: [timings[name][0] for timings in rounds] for name in names}
+    medians = {name: statistics.median(values) for name, values in walls.items()}
+    to_fixed, to_adaptive = medians[FIXED] / medians[NATIVE], medians[ADAPTIVE] / medians[NATIVE]
+    print(f"  medians: {to_fixed:.2f} times as fast as the fixed step, {to_adaptive:.2f} times as CFL", flush=True)
+    if arguments.simulator != DEFAULT:
+        return
+    parts = [f"speed_{particles}", *([surface] if surface != "ball" else [])]
+    parts += [f"{threads}_threads"] if threads != 1 else []
+    write_result(
+        "_".join(parts),
+        f"Time of a frame of 5 ms, {count:,} particles falling on {TITLES[surface]}, "
+        + ("one thread" if threads == 1 else f"{threads} threads"),
+        round(medians[NATIVE], 2),
+        "ms",
+        "SPlisHSPlasH, fixed step of 1 ms",
+        round(medians[FIXED], 2),
+        f"python benchmarks/against_solver.py --particles {particles} --threads {threads} --no-torch"
+        + (f" --surface {surface}" if surface != "ball" else ""),
+        values={
+            "particles": count,
+            "frames": arguments.frames,
+            "ms": {name: [round(value, 2) for value in values] for name, values in walls.items()},
+            "ratio_fixed": round(to_fixed, 2),
+            "ratio_cfl": round(to_adaptive, 2),
+        },
+        threads=threads,
+    )
 
 
 def main() -> None:
-    """Run all, print the table and the ratios."""
+    """Run all, print the times and ratios, write the results."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--particles", type=int, nargs="+", default=[3000, 50000])
     parser.add_argument("--threads", type=int, nargs="+", default=[1, 2])
-    parser.add_argument("--frames", type=int, default=200, help="the first 20 are a fall, the easiest for the solver")
+    parser.add_argument("--frames", type=int, default=200, help="the first 20 are free fall, the easiest for the peer")
+    parser.add_argument("--rounds", type=int, default=3)
     parser.add_argument("--surface", choices=SURFACES, nargs="+", default=["ball"])
-    parser.add_argument("--model", default=None)
+    parser.add_argument("--simulator", default=DEFAULT, help="name or weights file")
     parser.add_argument(
-        "--torch", action=argparse.BooleanOptionalAction, default=True, help="also without the native step"
+        "--torch", action=argparse.BooleanOptionalAction, default=True, help="also time it without the native code"
     )
     parser.add_argument("--run", nargs=3, metavar=("NAME", "SCENE", "RESULT"), help=argparse.SUPPRESS)
     arguments = parser.parse_args()
     if arguments.run:
         name, path, result = arguments.run
-        Path(result).write_text(json.dumps(RUNS[name](Scene.load(Path(path)), arguments.model)))
+        Path(result).write_text(json.dumps(RUNS[name](Scene.load(Path(path)), arguments.simulator)))
         return
-    for name, particles in itertools.product(arguments.surface, arguments.particles):
-        compare(scene_of(particles, arguments.frames, name), name, arguments)
-
-
-def compare(scene: Scene, surface: str, arguments: argparse.Namespace) -> None:
-    """One scene's table and ratios."""
-    count = len(scene.start(scene.build_surface()).positions)
-    print(f"{surface}, {count} particles, {arguments.frames} frames; ms a frame, wall clock (cpu)")
-    for threads in arguments.threads:
-        names = COMPARED + ((TORCH,) if arguments.torch else ())
-        told = {name: in_its_own_process(name, scene, threads, arguments.model) for name in names}
-        print(f"  {threads} threads: " + ", ".join(f"{name} {t[0]:.2f} ({t[1]:.2f})" for name, t in told.items()))
-        fixed, adaptive, native = (told[name][0] for name in COMPARED)
-        print(f"    native is {fixed / native:.2f} times as fast as the fixed step, {adaptive / native:.2f} as CFL")
-    for name, milliseconds in in_its_own_process("profile", scene, 1, arguments.model).items():
-        print(f"    {milliseconds:8.3f} ms  {name}", flush=True)
+    for surface, particles in itertools.product(arguments.surface, arguments.particles):
+        scene = scene_of(particles, arguments.frames, surface)
+        for threads in arguments.threads:
+            compare(scene, surface, particles, threads, arguments)
 
 
 if __name__ == "__main__":

@@ -1,18 +1,19 @@
-"""What a user would otherwise take, in one run on the same cores: milliseconds of a step of the same splash.
+"""Time of a step of the alternatives a user has, in one run on the same cores and the same splash.
 
     python benchmarks/alternatives.py [--open3d PYTHON FOLDER] [--lagrangebench PYTHON FOLDER]
         [--geoelements PYTHON FOLDER] [--threads 1]
 
-Some 3,000 particles that have struck a ball, as the shipped model throws them; SPlisHSPlasH simulates the whole scene
-(`against_solver.py`). PYTHON is the interpreter of an environment that has what the peer needs, FOLDER its source:
+The splash is a frame of 3,000 particles after they hit a ball. SPlisHSPlasH simulates the whole scene
+(`against_solver.py`). PYTHON is the interpreter of an environment with the packages of the peer, FOLDER its source:
 
-    Open3D          github.com/isl-org/DeepLagrangianFluids; open3d, torch: the model of Ummenhofer et al. (2020), whose
-                    particles are given our radius; the ball is 2,000 particles, the container none
+    Open3D          github.com/isl-org/DeepLagrangianFluids; open3d, torch: the model of Ummenhofer et al. (2020) with
+                    our particle radius; the ball is 2,000 particles, without container
     LagrangeBench   github.com/tumaer/lagrangebench; jax, dm-haiku, jraph, e3nn-jax, jmp: its GNS, network alone
     geoelements     github.com/geoelements/gns; torch, torch_geometric: its GNS, network alone
 
-Each runs in a process of its own, turn by turn; printed is the best, forward and with gradients, then how much time a
-step simulates, and what a simulated second would cost of wall time.
+Each runs in a process of its own, one after the other, in several rounds. The table shows the best time of a step,
+forward and with gradients, the time that a step simulates, and the computing time for a second of water. The result is
+written to `benchmarks/results/speed_networks.json` if LagrangeBench takes part.
 """
 
 from __future__ import annotations
@@ -29,20 +30,21 @@ import numpy as np
 import torch
 
 sys.path.insert(0, str(Path(__file__).parent))
-from against_solver import in_its_own_process, scene_of
+from against_solver import ADAPTIVE, DEFAULT, FIXED, run_in_own_process, scene_of
 from paper_network import INPUTS
 from peers import run
-from surfsup.learned import weights_file
+from record import write_result
 from surfsup.learned.message_passing.architecture import SIZES, MessagePassingArchitecture
-from surfsup.learned.message_passing.graph import edge_graph
+from surfsup.learned.message_passing.graph import build_graph
 from surfsup.learned.message_passing.surface_particles import poisson_disk
+from surfsup.learned.registry import load_simulator
 from surfsup.scene import FRAME_TIME, PARTICLE_RADIUS, Scene
 from surfsup.simulation import simulate
 from surfsup.sph.neighbor_search import find_neighbors
 
 SURFACE_PARTICLES = 2000
-FRAME = 110  # the water has struck and spreads
-SCRIPTS = {"open3d": "continuous_convolution"}  # a script may not be called as what it imports
+FRAME = 110  # the water has hit the ball and spreads
+SCRIPTS = {"open3d": "continuous_convolution"}  # a script must not have the name of a module that it imports
 OPEN3D_STEP = 0.02  # seconds, as its authors trained it
 PEERS = ("open3d", "lagrangebench", "geoelements")
 
@@ -55,8 +57,8 @@ class Alternative:
         script: in `peer_networks`, that times it.
         python, source: its environment and what that imports.
         arguments: of the script, after the splash and the repeats.
-        step: seconds that it simulates at once.
-        told: what is to be said of it.
+        step: seconds that one step simulates.
+        versions: of its libraries.
     """
 
     name: str
@@ -65,20 +67,20 @@ class Alternative:
     source: str = "."
     arguments: list[str] = field(default_factory=list)
     step: float = FRAME_TIME
-    told: str = ""
+    versions: str = ""
     times: dict[str, float] = field(default_factory=dict)
 
-    def take_turn(self, splash: Path, threads: int, repeats: int) -> None:
+    def time_once(self, splash: Path, threads: int, repeats: int) -> None:
         """Time it once more."""
         found = run(self.script, self.python, self.source, splash, threads, repeats, *self.arguments)
-        self.told = self.told or found["versions"]
+        self.versions = self.versions or found["versions"]
         for key in ("forward_wall", "both_wall"):
             self.times[key] = min(found[key], self.times.get(key, float("inf")))
 
 
 def alternatives(given: argparse.Namespace) -> list[Alternative]:
-    """Ours, then the peers whose environments were given."""
-    ours = [Alternative("surfsup, the default", "frame", arguments=["shipped", "{}"])]
+    """The simulators of surfsup, then the peers whose environments were given."""
+    ours = [Alternative(DEFAULT, "frame", arguments=["default", "{}"])]
     for kind, more in (("surfsup", {}), ("gns", {"surface_particles": SURFACE_PARTICLES})):
         for size, sizes in SIZES.items():
             ours.append(Alternative(f"{kind}, {size}", "frame", arguments=[kind, json.dumps({**sizes, **more})]))
@@ -90,15 +92,15 @@ def alternatives(given: argparse.Namespace) -> list[Alternative]:
 
 
 def write_splash(path: Path, scene: Scene) -> None:
-    """The splash as all of them take it."""
+    """Write the splash in the form that all scripts read."""
     surface = scene.build_surface()
-    model, _ = weights_file.load(weights_file.find(weights_file.DEFAULT_MODEL))
-    frames = simulate(model, scene, surface, scene.start(surface), "cpu")
+    simulator, _ = load_simulator(DEFAULT)
+    frames = simulate(simulator, scene, surface, scene.initial_particles(surface), "cpu")
     positions, velocities = next(islice(frames, FRAME, None))
     radius = MessagePassingArchitecture.radius
-    graph = edge_graph(torch.from_numpy(positions), find_neighbors(torch.from_numpy(positions), radius), radius)
+    graph = build_graph(torch.from_numpy(positions), find_neighbors(torch.from_numpy(positions), radius), radius)
     solid = torch.from_numpy(poisson_disk(surface, SURFACE_PARTICLES, 0))
-    near = graph.neighborhood
+    near = graph.neighbors
     path.with_suffix(".yaml").write_text(scene.to_yaml())
     np.savez(
         path,
@@ -108,7 +110,7 @@ def write_splash(path: Path, scene: Scene) -> None:
         solid=solid.numpy(),
         solid_normals=surface.distance_and_normal(solid)[1].numpy(),
         nodes=torch.randn(len(positions), INPUTS).numpy(),
-        edges=graph.features.numpy(),
+        edges=graph.edge_features.numpy(),
         senders=near.senders.numpy(),
         receivers=near.receivers.numpy(),
         starts=near.starts.numpy(),
@@ -117,7 +119,7 @@ def write_splash(path: Path, scene: Scene) -> None:
 
 
 def main() -> None:
-    """Print the table."""
+    """Print the table, write the result."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     for peer in PEERS:
         parser.add_argument(f"--{peer}", nargs=2, metavar=("PYTHON", "FOLDER"))
@@ -127,24 +129,42 @@ def main() -> None:
     parser.add_argument("--repeats", type=int, default=5)
     given = parser.parse_args()
     scene = scene_of(given.particles, 200)
-    contest = alternatives(given)
+    competitors = alternatives(given)
     with tempfile.TemporaryDirectory() as folder:
         splash = Path(folder) / "splash.npz"
         write_splash(splash, scene)
         for _ in range(given.rounds):
-            for one in contest:
-                one.take_turn(splash, given.threads, given.repeats)
+            for one in competitors:
+                one.time_once(splash, given.threads, given.repeats)
     print(f"{given.threads} threads; best of {given.rounds} x {given.repeats}, wall milliseconds")
-    print("| | a step, ms | with gradients, ms | step, ms of water | s of computing a simulated second | versions |")
+    print("| | a step, ms | with gradients, ms | step, ms of water | s of computing for a second of water | versions |")
     print("|---|---|---|---|---|---|")
-    for name in ("solver 1 ms", "solver CFL"):
-        wall, _ = in_its_own_process(name, scene, given.threads, None)
-        second = wall / FRAME_TIME / 1e3
+    seconds: dict[str, float] = {}
+    for name in (FIXED, ADAPTIVE):
+        wall, _ = run_in_own_process(name, scene, given.threads, DEFAULT)
+        second = seconds[name] = wall / FRAME_TIME / 1e3
         print(f"| {name} | {wall:.1f} a frame | – | {1e3 * FRAME_TIME:.0f} | {second:.2f} | the whole scene |")
-    for one in contest:
+    for one in competitors:
         forward, both = one.times["forward_wall"], one.times["both_wall"]
-        second = forward / one.step / 1e3
-        print(f"| {one.name} | {forward:.1f} | {both:.1f} | {1e3 * one.step:.0f} | {second:.2f} | {one.told} |")
+        second = seconds[one.name] = forward / one.step / 1e3
+        print(f"| {one.name} | {forward:.1f} | {both:.1f} | {1e3 * one.step:.0f} | {second:.2f} | {one.versions} |")
+    if "lagrangebench" in seconds:
+        write_result(
+            "speed_networks",
+            f"Computing time for a second of water, {given.particles:,} particles, {given.threads} thread(s)",
+            round(seconds[DEFAULT], 2),
+            "s",
+            "GNS of LagrangeBench, 10×128, network alone",
+            round(seconds["lagrangebench"], 1),
+            "python benchmarks/alternatives.py --lagrangebench PYTHON FOLDER",
+            values={
+                "seconds_a_simulated_second": seconds,
+                "ms_a_step": {one.name: one.times["forward_wall"] for one in competitors},
+                "ms_a_step_with_gradients": {one.name: one.times["both_wall"] for one in competitors},
+                "versions": {one.name: one.versions for one in competitors},
+            },
+            threads=given.threads,
+        )
 
 
 if __name__ == "__main__":

@@ -1,40 +1,46 @@
-"""A pool at rest: does it keep its height and stay still, over 2,000 frames, beside the solver's own.
+"""A pool at rest: height, speed and density over 2,000 frames, beside SPlisHSPlasH.
 
-    python benchmarks/at_rest.py [--model NAME] [--frames 2000] [--side 0.6] [--depth 0.3] [--solver]
+    python benchmarks/at_rest.py [--simulator NAME] [--frames 2001] [--side 0.6] [--depth 0.3] [--solver]
 
-Water fills the floor of a container from wall to wall and has nothing to do but settle. Told are the height of its
-center of mass in mm, its root mean square speed in mm/s and its highest density, at a few frames; with --solver the
-same of SPlisHSPlasH, some ten times slower.
+Water covers the floor of a container from wall to wall, so it only settles. At a few frames the program prints the
+height of the center of mass in mm, the root mean square speed in mm/s and the largest density. With `--solver` it
+prints the same of SPlisHSPlasH, which takes some ten times as long.
+
+With `--solver` the result is written to `benchmarks/results/at_rest.json`.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 import torch
 
+from record import write_result
 from surfsup.datasets.density import number_density
 from surfsup.datasets.recipes.tanks import GAP
-from surfsup.learned import weights_file
+from surfsup.learned.registry import load_simulator
 from surfsup.scene import Scene
 from surfsup.simulation import simulate
 from surfsup.splishsplash import solver
 
-TOLD = (0, 100, 200, 400, 800, 1200, 1600, 2000)  # frames
+PRINTED_FRAMES = (0, 100, 200, 400, 800, 1200, 1600, 2000)
+DEFAULT = "dfsph"
 
 Frames = Iterator[tuple[np.ndarray, np.ndarray]]
+Row = dict[str, float]  # frame, height in mm, speed in mm/s, largest density
 
 
 def scene_of(side: float, depth: float, frames: int) -> Scene:
-    """A container of which the water covers the floor."""
+    """A container whose floor is covered with water."""
     half = side / 2 - GAP
     block = {"min": [-half, -half, GAP], "max": [half, half, GAP + depth]}
-    told = {"container": {"size": [side, side, 1.0]}, "fluid": [{"block": block}], "frames": frames}
-    return Scene.from_yaml(json.dumps(told), "the benchmark's scene", Path())
+    description = {"container": {"size": [side, side, 1.0]}, "fluid": [{"block": block}], "frames": frames}
+    return Scene.from_yaml(json.dumps(description), "the benchmark's scene", Path())
 
 
 def root_mean_square_speed(velocities: np.ndarray) -> float:
@@ -42,23 +48,25 @@ def root_mean_square_speed(velocities: np.ndarray) -> float:
     return 1000 * float(np.sqrt((velocities**2).sum(axis=1).mean()))
 
 
-def tell(name: str, frames: Frames, last: int) -> None:
-    """One line for each of the chosen frames."""
+def measure(name: str, frames: Frames, last: int) -> list[Row]:
+    """One row for each of the printed frames."""
+    rows = []
     for number, (positions, velocities) in enumerate(frames):
-        if number in TOLD or number == last:
-            speed = root_mean_square_speed(velocities)
-            density = number_density(positions.T.astype(np.float64)).max()
+        if number in PRINTED_FRAMES or number == last:
+            height, speed = 1000 * float(positions[:, 2].mean()), root_mean_square_speed(velocities)
+            density = float(number_density(positions.T.astype(np.float64)).max())
+            rows.append({"frame": number, "height_mm": height, "speed_mm_s": speed, "density": density})
             print(
-                f"{name}, frame {number}: {1000 * positions[:, 2].mean():.2f} mm high, {speed:.2f} mm/s, "
-                f"density {density:.3f} at most",
+                f"{name}, frame {number}: {height:.2f} mm high, {speed:.2f} mm/s, density {density:.3f} at most",
                 flush=True,
             )
+    return rows
 
 
 def main() -> None:
-    """Ours, then the solver's where it is asked for."""
+    """Measure the simulator, then the reference solver if requested."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--model", default=weights_file.DEFAULT_MODEL)
+    parser.add_argument("--simulator", default=DEFAULT, help="name or weights file")
     parser.add_argument("--frames", type=int, default=2001)
     parser.add_argument("--side", type=float, default=0.6, help="meters of the container")
     parser.add_argument("--depth", type=float, default=0.3, help="meters of water")
@@ -66,12 +74,26 @@ def main() -> None:
     arguments = parser.parse_args()
     torch.set_num_threads(1)
     scene = scene_of(arguments.side, arguments.depth, arguments.frames)
-    start = scene.start(None)
+    start = scene.initial_particles(None)
     print(f"{len(start.positions)} particles")
-    model, _ = weights_file.load(weights_file.find(arguments.model))
-    tell(arguments.model, simulate(model, scene, None, start, "cpu"), arguments.frames - 1)
-    if arguments.solver:
-        tell("solver", solver.simulate(scene, None, start), arguments.frames - 1)
+    simulator, _ = load_simulator(arguments.simulator)
+    last = arguments.frames - 1
+    rows = measure(arguments.simulator, simulate(simulator, scene, None, start, "cpu"), last)
+    if not arguments.solver:
+        return
+    peer = measure("SPlisHSPlasH", solver.simulate(scene, None, start), last)
+    if arguments.simulator == DEFAULT:
+        write_result(
+            "at_rest",
+            f"Root mean square speed of a pool {arguments.depth:g} m deep after {last:,} frames",
+            round(rows[-1]["speed_mm_s"], 2),
+            "mm/s",
+            "SPlisHSPlasH, fixed step of 1 ms",
+            round(peer[-1]["speed_mm_s"], 2),
+            " ".join(["python benchmarks/at_rest.py", *sys.argv[1:]]),
+            values={"surfsup": rows, "SPlisHSPlasH": peer},
+            threads=1,
+        )
 
 
 if __name__ == "__main__":

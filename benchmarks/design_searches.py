@@ -3,8 +3,8 @@
 
     python benchmarks/design_searches.py [-o out/deflectors] [--iterations 60]
 
-Goes on with the design in that folder, such as the example's own; what came of it stays there as ``rivals.json`` and
-``rivals.png``. `surfsup design ... --rivals` does the same for the designs of the paper.
+Resumes the design in that folder, for instance that of the example, and writes ``rivals.json`` and ``rivals.png``
+there. `surfsup design ... --rivals` does the same for the designs of the paper.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ EXAMPLE = Path(__file__).parent.parent / "examples" / "deflectors.py"
 
 
 def main() -> None:
-    """Design where that is not done, and search."""
+    """Finish the design if necessary, then search."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("-o", "--out", type=Path, default=Path("out/deflectors"))
     parser.add_argument("--iterations", type=int, default=60)

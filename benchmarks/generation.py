@@ -1,13 +1,13 @@
-"""A whole data set against the bare steps of SPlisHSPlasH: same scenes, same cores, in one run.
+"""Time of a whole data set against the bare steps of SPlisHSPlasH: same scenes, same cores, in one run.
 
     python benchmarks/generation.py [-n 8] [--workers 2] [--frames 800]
 
-The whole is the command ``surfsup generate`` from its start to its end: drawing, boundary maps, starting solvers,
-taking frames out, checks, packing, writing. The bare steps are the same scenes in as many solvers side by side. Only
-the time between the first step and the last counts, no frame being taken out. What such steps would need in all is
-found by giving each scene, in order, to the core that is free first.
+The whole is the command ``surfsup generate`` from start to end: sampling scenes, boundary volume maps, starting
+solvers, reading frames, checks, compression, writing. The bare steps run the same scenes in as many solvers side by
+side; only the time from the first step to the last counts, and no frame is read. Their total assigns each scene, in
+order, to the core that becomes free first.
 
-It also tells how large the files are, and how long a random window of six frames takes to read.
+The program also reports the size of the files and the time to read a random window of six frames.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from pathlib import Path
 import numpy as np
 
 from surfsup.io.trajectory import Trajectory
-from surfsup.sph.boundary.scene_boundaries import boundaries
+from surfsup.sph.boundary.scene_boundaries import scene_volume_maps
 from surfsup.splishsplash.job_files import STEPS_PER_FRAME, write_job
 
 RECIPE, SEED = "prim-shapes", "11"
@@ -76,16 +76,16 @@ def write_jobs(paths: list[Path], folder: Path) -> list[Path]:
         with Trajectory(path) as trajectory:
             scene = trajectory.scene
         surface = scene.build_surface()
-        start = scene.start(surface)
+        start = scene.initial_particles(surface)
         home = folder / path.stem
         home.mkdir()
-        maps = boundaries(scene, surface)
-        jobs.append(write_job(home, scene.gravity, start.blocks, start.velocities, maps))
+        maps = scene_volume_maps(scene, surface)
+        jobs.append(write_job(home, scene.gravity, start.block_positions, start.block_velocities, maps))
     return jobs
 
 
 def seconds_in_all(each: list[float], cores: int) -> float:
-    """When the last would end, each beginning as soon as a core is free."""
+    """End of the last job, if each begins as soon as a core is free."""
     free = [0.0] * cores
     for seconds in each:
         first = free.index(min(free))

@@ -1,10 +1,10 @@
-"""How fast and how exact MeshSurface is, with one torch thread and with two.
+"""Speed and accuracy of MeshSurface, with one torch thread and with two.
 
     python benchmarks/mesh_distance.py MESH.obj [--up y]
 
 Two sets of 3000 particles around the mesh, which is scaled to 0.8 m: spread over the container (1 x 1 x 2 m),
-and as a pool within 0.15 m of the surface (the worst case). Beside it the exact query of every point, and the nearest
-triangle alone, ours and libigl's (AABB.squared_distance), in microseconds a point.
+and as a pool within 0.15 m of the surface (the worst case). For comparison it times the exact query of every point,
+and the nearest triangle alone, this project's and libigl's (AABB.squared_distance), in microseconds a point.
 """
 
 from __future__ import annotations

@@ -1,10 +1,10 @@
-"""How fast and how exact a SIREN is beside the mesh that it was fitted to, asked exactly and baked into grids.
+"""Speed and accuracy of a SIREN beside the mesh that it was fitted to, queried exactly and baked into grids.
 
     python benchmarks/neural_distance.py dragon.safetensors dragon.obj [--up y] [--grids 64 128 256] [--plot FILE.png]
 
 Distance and normal of 3,000 points, all within |d| < 0.1 of the cube of side 2 (the worst case), and spread over
-the whole cube as water would be. Times are of one thread's processor time and, with two threads, of the clock; the
-least of several, so that others on the machine count little. Errors are means against the exact distance.
+the whole cube as water would be. Times are processor time with one thread and wall time with two; the
+least of several, so that other load on the machine counts little. Errors are means against the exact distance.
 """
 
 from __future__ import annotations
@@ -75,7 +75,7 @@ def libigl(exact: ExactMesh) -> Nearest:
 
 
 def exactly(exact: ExactMesh, nearest: Nearest) -> Answer:
-    """The exact distance, asked for every point; inside and outside by libigl's winding number."""
+    """The exact distance of every point; inside and outside by libigl's winding number."""
 
     def answer(points: Tensor) -> tuple[Tensor, Tensor]:
         places = points.double().numpy()

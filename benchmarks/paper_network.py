@@ -1,9 +1,9 @@
-"""Milliseconds of the paper's network: ours against the same function written plainly, in one run.
+"""Time of the paper's network: this implementation against a plain one of the same function, in one run.
 
     python benchmarks/paper_network.py [--size paper] [--particles 2700] [--threads 2] [--device cpu]
 
-Beside each time stands the arithmetic limit: the operations of the network with its first edge layer split, at the
-speed that this machine reaches in the network's own matrix product. The plain implementation does half as many again.
+The limit beside each time is the number of operations with the first edge layer split, divided by the speed of the
+network's most frequent matrix product on this machine. The plain implementation does half as many operations again.
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ from pathlib import Path
 import torch
 
 from surfsup.learned.message_passing.architecture import SIZES
-from surfsup.learned.message_passing.graph import EdgeGraph, edge_graph
+from surfsup.learned.message_passing.graph import EdgeGraph, build_graph
+from surfsup.learned.message_passing.linear import linear
 from surfsup.learned.message_passing.network import MessagePassingNetwork
-from surfsup.learned.message_passing.products import times
 from surfsup.sph.neighbor_search import find_neighbors
 
 sys.path.insert(0, str(Path(__file__).parent.parent))
@@ -28,7 +28,7 @@ from tests.learned.message_passing.plain import plain_network
 
 RADIUS, INPUTS, OUTPUTS = 0.045, 22, 3
 SPACING = 0.033  # of a jittered lattice that has nine neighbors within the radius
-BOTH_WAYS = 3  # a step of training costs so many forward passes: a backward one has two products for each
+BOTH_WAYS = 3  # cost of forward and backward pass in forward passes; the backward pass has two products for each
 
 
 def main() -> None:
@@ -46,7 +46,7 @@ def main() -> None:
     network = MessagePassingNetwork(INPUTS, OUTPUTS, **size).to(arguments.device)
     graph = water(arguments.particles, arguments.device)
     features = torch.randn(arguments.particles, INPUTS, device=arguments.device)
-    edges = len(graph.neighborhood.senders)
+    edges = len(graph.neighbors.senders)
     operations = operations_of(size["width"], size["layers"], arguments.particles, edges)
     print(
         f"{arguments.size}, {arguments.particles} particles, {edges / arguments.particles:.1f} neighbors, "
@@ -57,7 +57,7 @@ def main() -> None:
     for name, precision in (("float32", torch.float32), ("bfloat16", torch.bfloat16)):
         speed = product_speed(edges, size["width"], precision, arguments.device)
         limit = operations / speed * 1e3
-        # Turn by turn, so that whatever else the machine does hits both alike.
+        # The implementations alternate, so that a disturbance of the machine hits both.
         best = [[float("inf")] * 2 for _ in range(2)]
         for _ in range(arguments.repeats):
             for row, implementation in enumerate((plain_network, MessagePassingNetwork.__call__)):
@@ -75,7 +75,7 @@ def water(particles: int, device: str) -> EdgeGraph:
     side = round(particles ** (1 / 3) + 0.5)
     places = torch.cartesian_prod(*[torch.arange(side) * SPACING] * 3)[:particles]
     places = (places + 0.2 * SPACING * torch.randn(places.shape)).to(device)
-    return edge_graph(places, find_neighbors(places, RADIUS), RADIUS)
+    return build_graph(places, find_neighbors(places, RADIUS), RADIUS)
 
 
 def operations_of(width: int, layers: int, particles: int, edges: int) -> float:
@@ -90,7 +90,7 @@ def product_speed(edges: int, width: int, precision: torch.dtype, device: str) -
     """Floating-point operations a second of the network's commonest product."""
     rows = torch.randn(edges, width, device=device).to(precision)
     weight = torch.randn(width, width, device=device).to(precision)
-    took = min(milliseconds(lambda: times(rows, weight), rows) for _ in range(50))
+    took = min(milliseconds(lambda: linear(rows, weight), rows) for _ in range(50))
     return 2.0 * edges * width**2 / took * 1e3
 
 
@@ -111,7 +111,7 @@ def forward_and_backward(run: Callable, network: MessagePassingNetwork, features
 
 
 def milliseconds(job: Callable[[], object], on: torch.Tensor) -> float:
-    """How long ``job`` takes on the device of ``on``."""
+    """Time of ``job`` on the device of ``on``."""
     wait = torch.cuda.synchronize if on.is_cuda else lambda: None
     wait()
     start = time.perf_counter()

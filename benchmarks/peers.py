@@ -1,16 +1,16 @@
-"""A pass of the paper's network beside the same network of other projects, each in its own environment, in one run.
+"""Time of the paper's network beside the same network of other projects, each in its own environment, in one run.
 
     python benchmarks/peers.py --lagrangebench PYTHON FOLDER --geoelements PYTHON FOLDER [--threads 1]
 
-PYTHON is the interpreter of an environment that has what the peer needs, FOLDER the peer's source:
+PYTHON is the interpreter of an environment with the packages of the peer, FOLDER the peer's source:
 
     LagrangeBench   github.com/tumaer/lagrangebench; jax, dm-haiku, jraph, e3nn-jax, jmp
     geoelements     github.com/geoelements/gns; torch, torch_geometric
 
-All get the same graph and features and do ten steps of message passing of 128 channels, perceptrons of two hidden
-layers, float32: forward, and forward with all gradients of the weights. Neighbor search and features are not in it.
-Each runs in a process of its own that may use so many cores, turn by turn; printed is the best, of processor time (all
-threads) and of wall time.
+All get the same graph and features and do ten steps of message passing with 128 channels and perceptrons of two hidden
+layers in float32: forward, and forward with all gradients of the weights. Neighbor search and features are excluded.
+Each runs in a process of its own with `--threads` cores, one after the other, in several rounds. The table shows the
+best processor time (all threads) and the best wall time.
 """
 
 from __future__ import annotations
@@ -68,11 +68,11 @@ def write_graph(path: Path, particles: int) -> int:
     """Write the features and the graph of a block of water for all to read; returns its number of edges."""
     torch.manual_seed(0)
     graph = water(particles, "cpu")
-    near = graph.neighborhood
+    near = graph.neighbors
     np.savez(
         path,
         nodes=torch.randn(particles, INPUTS).numpy(),
-        edges=graph.features.numpy(),
+        edges=graph.edge_features.numpy(),
         senders=near.senders.numpy(),
         receivers=near.receivers.numpy(),
         starts=near.starts.numpy(),
@@ -81,7 +81,7 @@ def write_graph(path: Path, particles: int) -> int:
 
 
 def run(name: str, python: str, source: str, given: Path, threads: int, repeats: int, *arguments: str) -> dict:
-    """Times and versions that a script of `peer_networks` tells of what is ``given``, in a process of its own."""
+    """Times and versions that a script of `peer_networks` reports, in a process of its own."""
     environment = {**os.environ, "OMP_NUM_THREADS": str(threads), "PYTHONPATH": source, "JAX_PLATFORMS": "cpu"}
     cores = sorted(os.sched_getaffinity(0))[:threads]
     command = [python, str(NETWORKS / f"{name}.py"), str(given), str(repeats), *arguments]

@@ -1,9 +1,12 @@
-"""The tables of docs/results.md on the default model, as Markdown, from the reports of `surfsup evaluate`.
+"""The accuracy tables of docs/benchmarks.md, as Markdown, from the reports of `surfsup evaluate`.
 
-    python benchmarks/results_table.py report-prim report-others report-complex report-wide
+    python benchmarks/results_table.py REPORT ...
 
-One row for every kind of solid and every data set, model / floor, a dash where no scene has one; then Chamfer over
-time, in frames 100 and 200, and the share of particles that the guard moved.
+The first table has a row for every kind of solid and every data set, with the simulator beside the floor and a dash if
+no scene has a floor. The second has the Chamfer distance over time, in frames 100 and 200, and the share of particles
+that collision handling moved.
+
+For the default simulator each data set is also written to `benchmarks/results/accuracy_*.json`.
 """
 
 from __future__ import annotations
@@ -16,51 +19,75 @@ from typing import Any
 
 import numpy as np
 
+from record import write_result
+
 PLACES = {"chamfer": 4, "chamfer_squared": 5, "surface": 1, "surface_squared": 2, "height": 4}
 TITLES = "data set | scenes | Chamfer, m | ratio | squared, m² | Surface, m | Surface squared, m² | inside | lost"
 TITLES += " | height error, m | energy ratio | density"
 WINDOWS = ("0-100", "100-200", "200-300", "300-end", "first 300")
 FRAMES = (100, 200)
+DEFAULT = "dfsph"
+RESULTS = {  # data set: name of the result, and what its scenes are
+    "prim-shapes-test": ("accuracy_primitives", "primitives"),
+    "prim-unions": ("accuracy_unions", "unions of two primitives"),
+    "funnels": ("accuracy_funnels", "funnels"),
+    "bowls": ("accuracy_bowls", "bowls"),
+    "chairs": ("accuracy_chairs", "chairs"),
+    "complex-scenes": ("accuracy_meshes", "large meshes: coral, lion, furnished room"),
+    "mountain": ("accuracy_mountain", "a mountain"),
+    "assorted": ("accuracy_assorted", "assorted scenes (400 frames)"),
+    "tanks": ("accuracy_tanks", "tanks and dam breaks (400 frames)"),
+}
 
 Entry = dict[str, Any]
 
 
 def number(value: float | None, places: int) -> str:
-    """A value with so many places, a dash where there is none."""
+    """A value with ``places`` decimal places, or a dash."""
     return "–" if value is None else f"{value:.{places}f}"
 
 
 def row_of(mean: Entry) -> str:
     """One line of the first table."""
-    told = mean["windows"]["all"]
-    whole = mean["surface"] == "all"
-    name = f"**{mean['data']}**" if whole else f"{mean['data']}: {mean['surface']}"
-    both = {key: " / ".join(number(told[key][of], n) for of in ("model", "floor")) for key, n in PLACES.items()}
-    cells = [name, str(mean["scenes"]), both["chamfer"], number(told["chamfer"]["ratio"], 2), both["chamfer_squared"]]
+    scores = mean["windows"]["all"]
+    name = f"**{mean['data']}**" if mean["surface"] == "all" else f"{mean['data']}: {mean['surface']}"
+    both = {key: " / ".join(number(scores[key][of], n) for of in ("model", "floor")) for key, n in PLACES.items()}
+    cells = [name, str(mean["scenes"]), both["chamfer"], number(scores["chamfer"]["ratio"], 2), both["chamfer_squared"]]
     cells += [both["surface"], both["surface_squared"]]
-    cells += [number(told[key]["model"], 0) for key in ("penetration", "lost")]
-    cells += [both["height"], *(number(told[key]["model"], 2) for key in ("energy", "density"))]
+    cells += [number(scores[key]["model"], 0) for key in ("penetration", "lost")]
+    cells += [both["height"], *(number(scores[key]["model"], 2) for key in ("energy", "density"))]
     return "| " + " | ".join(cells) + " |"
 
 
-def in_frame(scenes: list[Entry], frame: int) -> str:
-    """The ratio of a single frame, means over the scenes that have a floor."""
+def ratio_in_frame(scenes: list[Entry], frame: int) -> float | None:
+    """The ratio in a single frame, of means over the scenes that have a floor."""
     curves = [curve for scene in scenes if (curve := scene["curves"]["chamfer"])["floor"]]
     if not curves:
-        return number(None, 2)
-    model, floor = (np.mean([curve[of][frame] for curve in curves]) for of in ("model", "floor"))
-    return f"{model / floor:.2f}"
+        return None
+    model, floor = (float(np.mean([curve[of][frame] for curve in curves])) for of in ("model", "floor"))
+    return model / floor
 
 
-def course_of(mean: Entry, scenes: list[Entry]) -> str:
+def time_row_of(mean: Entry, scenes: list[Entry]) -> str:
     """One line of the second table."""
     cells = [mean["data"]]
     for window in WINDOWS:
-        told = mean["windows"][window]["chamfer"]
-        cells.append(f"{number(told['model'], 4)} / {number(told['floor'], 4)} ({number(told['ratio'], 2)})")
-    cells += [in_frame(scenes, frame) for frame in FRAMES]
-    cells.append(f"{100 * np.mean([scene['handle_collisions'] for scene in scenes]):.3f} %")
+        scores = mean["windows"][window]["chamfer"]
+        cells.append(f"{number(scores['model'], 4)} / {number(scores['floor'], 4)} ({number(scores['ratio'], 2)})")
+    cells += [number(ratio_in_frame(scenes, frame), 2) for frame in FRAMES]
+    cells.append(f"{100 * np.mean([scene['collided'] for scene in scenes]):.3f} %")
     return "| " + " | ".join(cells) + " |"
+
+
+def scenes_of(report: Entry, mean: Entry) -> list[Entry]:
+    """The scenes of a data set."""
+    return [scene for scene in report["scenes"] if scene["data"] == mean["data"]]
+
+
+def totals(reports: list[Entry]) -> Iterator[tuple[Entry, list[Entry]]]:
+    """The means over all scenes of every data set, and these scenes."""
+    for report in reports:
+        yield from ((mean, scenes_of(report, mean)) for mean in report["means"] if mean["surface"] == "all")
 
 
 def lines(reports: list[Entry]) -> Iterator[str]:
@@ -70,24 +97,51 @@ def lines(reports: list[Entry]) -> Iterator[str]:
     for report in reports:
         yield from (row_of(mean) for mean in report["means"])
     yield ""
-    yield (
-        f"| data set | {' | '.join(WINDOWS)} | "
-        + " | ".join(f"frame {frame}" for frame in FRAMES)
-        + " | handle_collisions |"
-    )
+    frames = " | ".join(f"frame {frame}" for frame in FRAMES)
+    yield f"| data set | {' | '.join(WINDOWS)} | {frames} | collided |"
     yield "|---" * 9 + "|"
-    for report in reports:
-        for mean in report["means"]:
-            if mean["surface"] == "all":
-                yield course_of(mean, [scene for scene in report["scenes"] if scene["data"] == mean["data"]])
+    yield from (time_row_of(mean, scenes) for mean, scenes in totals(reports))
+
+
+def write_results(reports: list[Entry]) -> None:
+    """Write one result for each known data set."""
+    for mean, scenes in totals([report for report in reports if report["model"]["name"] == DEFAULT]):
+        if mean["data"] not in RESULTS:
+            continue
+        name, what = RESULTS[mean["data"]]
+        scores = mean["windows"]["all"]
+        count = mean["scenes"]
+        write_result(
+            name,
+            f"Chamfer distance to the reference, mean over {count} unseen {'scene' if count == 1 else 'scenes'}: {what}"
+            + ("" if "400 frames" in what else ", 800 frames"),
+            round(scores["chamfer"]["model"], 4),
+            "m",
+            "floor: SPlisHSPlasH from a start 1 mm aside",
+            round(scores["chamfer"]["floor"], 4),
+            f"surfsup evaluate dfsph data/{mean['data']}",
+            values={
+                "data_set": mean["data"],
+                "scenes": count,
+                "ratio": scores["chamfer"]["ratio"],
+                "height_error_m": scores["height"]["model"],
+                "energy_ratio": scores["energy"]["model"],
+                "density_ratio": scores["density"]["model"],
+                "particles_inside": scores["penetration"]["model"],
+                "particles_lost": scores["lost"]["model"],
+                **{f"ratio_frame_{frame}": ratio_in_frame(scenes, frame) for frame in FRAMES},
+            },
+        )
 
 
 def main() -> None:
-    """Print both."""
+    """Print both tables, write the results."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("reports", type=Path, nargs="+")
     arguments = parser.parse_args()
-    print("\n".join(lines([json.loads((folder / "report.json").read_text()) for folder in arguments.reports])))
+    reports = [json.loads((folder / "report.json").read_text()) for folder in arguments.reports]
+    print("\n".join(lines(reports)))
+    write_results(reports)
 
 
 if __name__ == "__main__":

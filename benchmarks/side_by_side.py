@@ -1,11 +1,11 @@
-"""The supplement's Tables 1 and 2 with our numbers beside the paper's, and the courses of training over compute.
+"""Tables 1 and 2 of the paper's supplement with this project's numbers, and the training curves over compute.
 
     python benchmarks/side_by_side.py REPORTS [--runs runs/side runs/side-on] [--figure docs/images/side-by-side.png]
 
-REPORTS holds a folder for each preset and guard, as `surfsup evaluate` makes them: surfsup, surfsup-no-guard, gns and
-so on. RUNS hold the trainings under the presets' names, for the figure: Chamfer of the rollouts on validation scenes
-over steps and over the time of training; of several, each went on from the one before. Tables are written as
-Markdown.
+REPORTS holds a folder of `surfsup evaluate` for each preset, with collision handling and without: surfsup,
+surfsup-no-collisions, gns and so on. RUNS hold the trainings under the names of the presets, for the figure: Chamfer
+distance of the rollouts on validation scenes over steps and over the time of training. Of several runs each continued
+the one before. The tables are Markdown.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ PAPER_PRIMITIVES = {
     "value-only": ("0.0319", "10.782", "30433"),
     "no-sdf": ("0.0815", "45.463", "193071"),
 }
-# Table 1: Chamfer, Chamfer Surface, Surface Penetration and Mean Inside Surface, ours and the baseline's. Theirs are
-# other solids of the same names; the second lion is the one whose two rows are not another's.
+# Table 1: Chamfer, Chamfer Surface, Surface Penetration and Mean Inside Surface of surfsup and the baseline. The solids
+# of the paper have the same names but other shapes. Of its two lions the second is taken: the first repeats other rows.
 PAPER_SCENES = {
     ("00000", "coral"): {"surfsup": "0.096 / 119.79 / 6782 / -0.0028", "gns": "0.380 / 602.66 / 102783 / -0.051"},
     ("00001", "room"): {"surfsup": "0.1153 / 125.39 / 9526 / -0.0065", "gns": "1.1133 / 877.55 / 36106 / -0.0181"},
@@ -40,8 +40,8 @@ def read(report: Path) -> dict[str, Any] | None:
     return json.loads(path.read_text()) if path.is_file() else None
 
 
-def told(values: dict[str, Any], key: str) -> str:
-    """A metric of the model as text."""
+def text_of(values: dict[str, Any], key: str) -> str:
+    """A metric of the simulator as text."""
     value = values[key]["model"]
     return "lost" if value is None and key != "depth" else "–" if value is None else f"{value:.{PLACES[key]}f}"
 
@@ -75,7 +75,13 @@ def data_sets(reports: dict[str, dict[str, Any]]) -> str:
                 ratio = means["chamfer"]["ratio"]
                 beside = "" if ratio is None else f"{ratio:.2f}"
                 rows.append(
-                    [data, name, *[told(means, key) for key in keys[:1]], beside, *[told(means, k) for k in keys[1:]]]
+                    [
+                        data,
+                        name,
+                        *[text_of(means, key) for key in keys[:1]],
+                        beside,
+                        *[text_of(means, k) for k in keys[1:]],
+                    ]
                 )
     header = [
         "data set",
@@ -97,8 +103,8 @@ def ablation(reports: dict[str, dict[str, Any]], data: str) -> str:
     for name, report in reports.items():
         means = means_of(report, data)
         if means is not None:
-            paper = PAPER_PRIMITIVES.get(name.removesuffix("-no-guard"), ("–",) * 3)
-            ours = [told(means, key) for key in ("chamfer", "surface_squared", "penetration")]
+            paper = PAPER_PRIMITIVES.get(name.removesuffix("-no-collisions"), ("–",) * 3)
+            ours = [text_of(means, key) for key in ("chamfer", "surface_squared", "penetration")]
             rows.append([name, *[f"{own} ({theirs})" for own, theirs in zip(ours, paper, strict=True)]])
     return table(["model", "Chamfer (paper)", "Chamfer Surface (paper)", "inside (paper)"], rows)
 
@@ -111,12 +117,12 @@ def complex_scenes(reports: dict[str, dict[str, Any]]) -> str:
             found = [one for one in report["scenes"] if (one["data"], one["scene"]) == ("complex-scenes", scene)]
             if found:
                 keys = ("chamfer", "surface_squared", "penetration", "depth")
-                ours = " / ".join(told(window_of(found[0]), key) for key in keys)
-                rows.append([solid, name, ours, paper.get(name.removesuffix("-no-guard"), "–")])
+                ours = " / ".join(text_of(window_of(found[0]), key) for key in keys)
+                rows.append([solid, name, ours, paper.get(name.removesuffix("-no-collisions"), "–")])
     return table(["scene", "model", "Chamfer / Surface / inside / mean inside, m", "the paper's"], rows)
 
 
-def course(runs: list[Path], name: str) -> tuple[list[float], list[float], list[float]]:
+def training_curve(runs: list[Path], name: str) -> tuple[list[float], list[float], list[float]]:
     """Thousands of steps, minutes of training, and Chamfer, over all the runs of a preset."""
     steps, minutes, chamfer = [], [], []
     steps_before = minutes_before = 0.0
@@ -125,10 +131,10 @@ def course(runs: list[Path], name: str) -> tuple[list[float], list[float], list[
             break
         with log.open(newline="") as file:
             rows = list(csv.DictReader(file))
-        judged = [row for row in rows if row["chamfer"] != "nan"]
-        steps += [steps_before + float(row["step"]) / 1000 for row in judged]
-        minutes += [minutes_before + float(row["seconds"]) / 60 for row in judged]
-        chamfer += [float(row["chamfer"]) for row in judged]
+        validated = [row for row in rows if row["chamfer"] != "nan"]
+        steps += [steps_before + float(row["step"]) / 1000 for row in validated]
+        minutes += [minutes_before + float(row["seconds"]) / 60 for row in validated]
+        chamfer += [float(row["chamfer"]) for row in validated]
         steps_before += float(rows[-1]["step"]) / 1000
         minutes_before += float(rows[-1]["seconds"]) / 60
     return steps, minutes, chamfer
@@ -140,7 +146,7 @@ def draw(runs: list[Path], path: Path) -> None:
 
     figure, (left, right) = plt.subplots(ncols=2, sharey=True, figsize=(10, 4), constrained_layout=True)
     for name in PRESETS:
-        steps, minutes, chamfer = course(runs, name)
+        steps, minutes, chamfer = training_curve(runs, name)
         if steps:
             left.plot(steps, chamfer, marker="o", markersize=4, label=name)
             right.plot(minutes, chamfer, marker="o", markersize=4)
@@ -159,7 +165,7 @@ def main() -> None:
     parser.add_argument("--runs", type=Path, nargs="+", default=[])
     parser.add_argument("--figure", type=Path, default=Path("docs/images/side-by-side.png"))
     arguments = parser.parse_args()
-    names = [name + end for name in PRESETS for end in ("", "-no-guard")]
+    names = [name + end for name in PRESETS for end in ("", "-no-collisions")]
     reports = {name: report for name in names if (report := read(arguments.reports / name)) is not None}
     print(data_sets(reports))
     print(ablation(reports, "prim-shapes-test"))

@@ -1,13 +1,13 @@
-"""What a surface costs as particles and as a distance: GNS with 2,000 to 10,000 of them against surfsup, in one run.
+"""Cost of a surface as particles and as a distance: GNS with 2,000 to 10,000 particles against surfsup, in one run.
 
     python benchmarks/surface_particles.py [--size small paper] [--particles 2000 5000 10000] [--threads 1]
 
-Milliseconds of one frame in the middle of the splash, on a primitive, a chair of boxes, one of the shipped neural
-chairs and the furnished room: `seeing` is what comes before the network (neighbors, features, and with surfsup the
-distance of the solid), `frame` is all. The guard is off, for the paper has none. The weights are random: they decide
-nothing here. The frame is the reference solver's, and all take turns on it, so that whatever else the machine does hits
-all alike; with one thread it is processor time. The supplement (2.3.1) tells of 37 % on primitives and 13 % on chairs,
-of a neural distance, on a GPU.
+Milliseconds of one frame in the middle of the splash, on a primitive, a chair of boxes, a shipped neural chair and the
+furnished room. `features` is the time before the network (neighbors, features, and for surfsup the signed distance),
+`frame` is the whole. Collision handling is off, since the paper has none. The weights are random, which does not change
+the time. The frame comes from SPlisHSPlasH, and the simulators alternate on it, so that a disturbance of the machine
+hits all of them. With one thread the time is processor time. The supplement of the paper (2.3.1) reports 37 % on
+primitives and 13 % on chairs, with a neural distance, on a GPU.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from surfsup.datasets.generation.scene_sampler import Drawing
+from surfsup.datasets.generation.scene_sampler import SceneSampler
 from surfsup.datasets.recipes.chairs import FIT, WIDEST
 from surfsup.datasets.recipes.placement import box_corners, stand
 from surfsup.datasets.recipes.water import block_above
@@ -37,8 +37,8 @@ from surfsup.sph.state import Environment
 from surfsup.splishsplash import solver
 
 SEED = 3
-ROOM = 1  # of the complex scenes, which take turns
-FRAME = 110  # the water has struck and spreads
+ROOM = 1  # number of the room in the complex scenes
+FRAME = 110  # the water has hit the solid and spreads
 
 
 def neural_chair() -> Scene:
@@ -51,10 +51,10 @@ def neural_chair() -> Scene:
 
 
 SCENES: dict[str, Callable[[], Scene]] = {
-    "primitive": lambda: Drawing("prim-shapes", SEED).scene(0),
-    "chair": lambda: Drawing("chairs", SEED).scene(0),
+    "primitive": lambda: SceneSampler("prim-shapes", SEED).scene(0),
+    "chair": lambda: SceneSampler("chairs", SEED).scene(0),
     "neural-chair": neural_chair,
-    "room": lambda: Drawing("complex-scenes", SEED).scene(ROOM),
+    "room": lambda: SceneSampler("complex-scenes", SEED).scene(ROOM),
 }
 
 
@@ -66,7 +66,7 @@ class Timed:
     simulator: MessagePassingSimulator
     nodes: int = 0
     edges: int = 0
-    seeing: float = float("inf")
+    features: float = float("inf")
     frame: float = float("inf")
 
 
@@ -85,18 +85,18 @@ def main() -> None:
     for scene in arguments.scene:
         state, environment = splash(SCENES[scene]())
         for size in arguments.size:
-            contest = simulators({**SIZES[size], "radius": arguments.radius}, arguments.particles)
-            take_turns(contest, state, environment, arguments.repeats, clock)
+            competitors = simulators({**SIZES[size], "radius": arguments.radius}, arguments.particles)
+            alternate(competitors, state, environment, arguments.repeats, clock)
             print(f"\n{scene}, {size}: {len(state.positions)} particles of water, {arguments.threads} threads")
-            print(f"{'':<12}{'nodes':>8}{'edges':>10}{'seeing, ms':>12}{'frame, ms':>11}{'of surfsup':>12}")
-            for one in contest:
-                ratio = one.frame / contest[0].frame
-                numbers = f"{one.nodes:>8}{one.edges:>10}{one.seeing:>12.1f}{one.frame:>11.1f}{ratio:>12.2f}"
+            print(f"{'':<12}{'nodes':>8}{'edges':>10}{'features, ms':>13}{'frame, ms':>11}{'of surfsup':>12}")
+            for one in competitors:
+                ratio = one.frame / competitors[0].frame
+                numbers = f"{one.nodes:>8}{one.edges:>10}{one.features:>13.1f}{one.frame:>11.1f}{ratio:>12.2f}"
                 print(f"{one.name:<12}{numbers}", flush=True)
 
 
 def splash(scene: Scene) -> tuple[History, Environment]:
-    """The reference solver's water in the middle of a scene, and what is around it."""
+    """The frame of SPlisHSPlasH in the middle of a scene, and its environment."""
     scene = scene.with_frames(FRAME + 1)
     surface = scene.build_surface()
     frames = solver.simulate(scene, surface, scene.initial_particles(surface))
@@ -106,27 +106,27 @@ def splash(scene: Scene) -> tuple[History, Environment]:
 
 
 def simulators(sizes: dict, counts: list[int]) -> list[Timed]:
-    """surfsup, then GNS with so many surface particles each."""
+    """surfsup, then GNS with each number of surface particles."""
     torch.manual_seed(0)
-    made = [Timed("surfsup", Surfsup(MessagePassingArchitecture(**sizes)))]
-    return made + [Timed(f"gns {n}", Gns(GnsArchitecture(**sizes, surface_particles=n))) for n in counts]
+    found = [Timed("surfsup", Surfsup(MessagePassingArchitecture(**sizes)))]
+    return found + [Timed(f"gns {n}", Gns(GnsArchitecture(**sizes, surface_particles=n))) for n in counts]
 
 
 @torch.no_grad()
-def take_turns(
-    contest: list[Timed], state: History, environment: Environment, repeats: int, clock: Callable[[], float]
+def alternate(
+    competitors: list[Timed], state: History, environment: Environment, repeats: int, clock: Callable[[], float]
 ) -> None:
     """Fill in sizes and best times."""
-    for one in contest:  # the surface's particles are drawn at first sight, once a scene
-        seen = one.simulator.network_input(state, environment)
-        one.nodes, one.edges = len(seen.node_features), len(seen.graph.neighbors.senders)
+    for one in competitors:  # the first call samples the surface particles, once a scene
+        given = one.simulator.network_input(state, environment)
+        one.nodes, one.edges = len(given.node_features), len(given.graph.neighbors.senders)
     for _ in range(repeats):
-        for one in contest:
+        for one in competitors:
             start = clock()
             one.simulator.network_input(state, environment)
             between = clock()
             one.simulator.step(state, environment, handle_collisions=False)
-            one.seeing = min(one.seeing, 1e3 * (between - start))
+            one.features = min(one.features, 1e3 * (between - start))
             one.frame = min(one.frame, 1e3 * (clock() - between))
 
 

@@ -1,10 +1,10 @@
-"""Memory of a training step: the most that it takes beyond what was there before, in a process of its own.
+"""Memory of a training step: the additional peak memory of a process that trains.
 
     python benchmarks/training_memory.py [--size paper] [--particles 3000] [--precision bf16 32] [--steps 8]
 
-Steps of `surfsup train` on one window of falling water each, with optimizer and averaged weights: what was there before
-are the libraries and the network with nothing done yet. The steps are of ever other particle counts, up to the given
-one, as in training, so that what is kept from one to the next counts too. The goal is 2 GB for `paper` in bf16.
+Each step of `surfsup train` takes one window of falling water, with optimizer and averaged weights. The memory before
+is that of the libraries and the network. The number of particles changes from step to step, as in training, so that
+caches count too. The goal is 2 GB for `paper` in bf16.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from pathlib import Path
 
 import torch
 from numpy.random import default_rng
+from surfsup.training.step import take_step
 
 from surfsup.datasets.windows import Window
 from surfsup.scene import Scene
@@ -26,7 +27,6 @@ from surfsup.sph.state import Environment
 from surfsup.training.config import load_config
 from surfsup.training.objectives import Batch
 from surfsup.training.run import Run
-from surfsup.training.step import take_step
 
 SPACING = 0.033  # of a jittered lattice that has nine neighbors within 0.045
 SCENE = (
@@ -35,7 +35,7 @@ SCENE = (
 
 
 def main() -> None:
-    """Measure every precision in a child of its own."""
+    """Measure every precision in a process of its own."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--size", default="paper")
     parser.add_argument("--particles", type=int, default=3000)
@@ -57,17 +57,17 @@ def main() -> None:
 
 
 def measure(size: str, precision: str, particles: int, steps: int) -> tuple[float, float, float]:
-    """The most memory so far, MB: before the first step, after it, after all."""
+    """Peak memory, MB: before the first step, after it, after all steps."""
     torch.set_num_threads(1)
     config = load_config("surfsup", [f"size={size}", f"precision={precision}", "batch=1"])
     with tempfile.TemporaryDirectory() as folder:
         run = Run(config, Path(folder))
-        marks = [most()]
+        marks = [peak_memory()]
         for step in range(steps):
             count = particles - 37 * step % (particles // 3)
             take_step(run, Batch([water(count, run.model.past)], [default_rng(step)]))
             run.step += 1
-            marks.append(most())
+            marks.append(peak_memory())
     return marks[0], marks[1], marks[-1]
 
 
@@ -84,8 +84,8 @@ def water(particles: int, past: int) -> Window:
     return Window(positions, torch.zeros_like(positions), past, environment, scene, "water")
 
 
-def most() -> float:
-    """The most memory that this process has held so far, MB."""
+def peak_memory() -> float:
+    """Peak memory of this process so far, MB."""
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import open3d
 import torch
-from timing import tell
+from timing import report
 
 sys.path.insert(0, str(Path(os.environ["PYTHONPATH"]) / "models"))
 from default_torch import MyParticleNetwork
@@ -30,4 +30,4 @@ def both() -> None:
     network(state)[0].square().mean().backward()
 
 
-tell(forward, both, f"Open3D {open3d.__version__}, torch {torch.__version__}")
+report(forward, both, f"Open3D {open3d.__version__}, torch {torch.__version__}")

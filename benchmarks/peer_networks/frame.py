@@ -1,4 +1,4 @@
-"""A whole frame of one of our simulators for ``benchmarks/alternatives.py``; the kind and its sizes are arguments."""
+"""A whole frame of a simulator of surfsup for ``benchmarks/alternatives.py``; name and sizes are arguments."""
 
 import json
 import os
@@ -7,10 +7,9 @@ from pathlib import Path
 
 import numpy as np
 import torch
-from timing import tell
+from timing import report
 
-from surfsup.learned import weights_file
-from surfsup.learned.registry import KINDS
+from surfsup.learned.registry import SIMULATORS, load_simulator
 from surfsup.scene import Scene
 from surfsup.sph.simulator import Simulator
 from surfsup.sph.state import Environment
@@ -20,31 +19,31 @@ kind, sizes = sys.argv[3], json.loads(sys.argv[4])
 
 
 def simulator() -> Simulator:
-    """The shipped model, or another kind with random weights, which decide nothing here."""
-    if kind == "shipped":
-        return weights_file.load(weights_file.find(weights_file.DEFAULT_MODEL))[0]
+    """The default simulator, or a network with random weights, which do not change the time."""
+    if kind == "default":
+        return load_simulator("dfsph")[0]
     torch.manual_seed(0)
-    return KINDS[kind](KINDS[kind].architecture_type(**sizes))
+    return SIMULATORS[kind](SIMULATORS[kind].architecture_type(**sizes))
 
 
 given = np.load(sys.argv[1])
 scene = Scene.load(Path(sys.argv[1]).with_suffix(".yaml"))
 environment = Environment.of(scene, scene.build_surface())
-model = simulator()
-state = model.start(torch.from_numpy(given["positions"]), torch.from_numpy(given["velocities"]), environment)
+chosen = simulator()
+state = chosen.initial_state(torch.from_numpy(given["positions"]), torch.from_numpy(given["velocities"]), environment)
 
 
 @torch.no_grad()
 def forward() -> None:
-    """A frame: neighbors, features, distances, network, guard."""
-    model.step(state, environment)
+    """A frame: neighbors, features, distances, network or pressure solve, collision handling."""
+    chosen.step(state, environment)
 
 
 def both() -> None:
-    """The same with the gradients of the weights, as far as a rollout has them."""
-    model.requires_grad_().zero_grad()
-    after, _ = model.step(state, environment)
+    """The same with the gradients of weights and positions."""
+    chosen.requires_grad_().zero_grad()
+    after, _ = chosen.step(state, environment)
     after.positions.square().mean().backward()
 
 
-tell(forward, both, f"torch {torch.__version__}")
+report(forward, both, f"torch {torch.__version__}")

@@ -7,7 +7,7 @@ import numpy as np
 import torch
 import torch_geometric
 from gns.graph_network import EncodeProcessDecode
-from timing import tell
+from timing import report
 
 torch.set_num_threads(int(os.environ["OMP_NUM_THREADS"]))
 given = {name: torch.from_numpy(values) for name, values in np.load(sys.argv[1]).items()}
@@ -35,4 +35,4 @@ def both() -> None:
     network(given["nodes"], ends, given["edges"]).square().mean().backward()
 
 
-tell(forward, both, f"torch {torch.__version__}, torch_geometric {torch_geometric.__version__}")
+report(forward, both, f"torch {torch.__version__}, torch_geometric {torch_geometric.__version__}")

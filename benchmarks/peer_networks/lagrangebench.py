@@ -12,7 +12,7 @@ import haiku as hk
 import jax
 import jax.numpy as jnp
 import numpy as np
-from timing import tell
+from timing import report
 
 SOURCE = Path(os.environ["PYTHONPATH"]) / "lagrangebench"
 for name, folder in (("lagrangebench", SOURCE), ("lagrangebench.models", SOURCE / "models")):
@@ -47,4 +47,4 @@ def both() -> None:
     jax.block_until_ready(pass_both(weights, features))
 
 
-tell(forward, both, f"jax {jax.__version__}, dm-haiku {hk.__version__}")
+report(forward, both, f"jax {jax.__version__}, dm-haiku {hk.__version__}")

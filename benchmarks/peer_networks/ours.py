@@ -1,11 +1,11 @@
-"""Our network for ``benchmarks/peers.py``."""
+"""The network of surfsup for ``benchmarks/peers.py``."""
 
 import os
 import sys
 
 import numpy as np
 import torch
-from timing import tell
+from timing import report
 
 from surfsup.learned.message_passing.architecture import SIZES
 from surfsup.learned.message_passing.graph import EdgeGraph
@@ -30,4 +30,4 @@ def both() -> None:
     network(given["nodes"], graph).square().mean().backward()
 
 
-tell(forward, both, f"torch {torch.__version__}")
+report(forward, both, f"torch {torch.__version__}")

@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable
 
 
-def tell(forward: Callable[[], object], both: Callable[[], object], versions: str) -> None:
+def report(forward: Callable[[], object], both: Callable[[], object], versions: str) -> None:
     """Print the best milliseconds of ``forward`` and ``both``, each of which waits for its result."""
     repeats = int(sys.argv[2])
     found = {"versions": versions}
