@@ -1,4 +1,4 @@
-"""What a model's training data were like, so that a scene unlike them can be told."""
+"""The range of a model's training data, to warn about scenes outside it."""
 
 from __future__ import annotations
 
@@ -9,22 +9,22 @@ from typing import Any
 
 from surfsup.scene import FRAME_TIME, PARTICLE_RADIUS, Scene
 
-TOLERANCE = 0.01  # share by which a number may be out of the range that was seen
+TOLERANCE = 0.01  # relative; a value this far outside a range still counts as inside
 Range = tuple[float, float]
 
 
 @dataclass(frozen=True)
 class TrainingDomain:
-    """Ranges over all that was trained on; every pair is least and most.
+    """Ranges over all training data; each range is a minimum and a maximum.
 
     Attributes:
         sides: of the containers along x and y, meters.
         heights: of the containers, meters.
-        particles: how many.
-        surfaces: kinds of solid, 'none' for an empty container.
-        gravity: its strength, m/s².
-        tilt: the most that gravity was off straight down, degrees.
-        fastest: the fastest particle, m/s.
+        particles: numbers of particles.
+        surfaces: kinds of surface, 'none' for an empty container.
+        gravity: its magnitude, m/s².
+        max_tilt: largest angle between gravity and straight down, degrees.
+        max_speed: of a particle, m/s.
         frame_time: seconds.
         radius: of a particle, meters.
     """
@@ -34,116 +34,121 @@ class TrainingDomain:
     particles: Range
     surfaces: tuple[str, ...]
     gravity: Range
-    tilt: float
-    fastest: float
+    max_tilt: float
+    max_speed: float
     frame_time: float = FRAME_TIME
     radius: float = PARTICLE_RADIUS
 
     @classmethod
-    def of(cls, scene: Scene, particles: int, fastest: float) -> TrainingDomain:
-        """What one scene shows."""
+    def from_scene(cls, scene: Scene, particles: int, max_speed: float) -> TrainingDomain:
+        """The domain of a single scene with that many particles and that maximum speed in m/s."""
         x, y, z = scene.container.size
-        strength, tilt = pull(scene)
+        magnitude, tilt = gravity_magnitude_and_tilt(scene)
         return cls(
             sides=(min(x, y), max(x, y)),
             heights=(z, z),
             particles=(particles, particles),
             surfaces=(scene.surface.kind if scene.surface else "none",),
-            gravity=(strength, strength),
-            tilt=tilt,
-            fastest=fastest,
+            gravity=(magnitude, magnitude),
+            max_tilt=tilt,
+            max_speed=max_speed,
         )
 
     @classmethod
-    def from_json(cls, data: dict[str, Any]) -> TrainingDomain:
-        """What was written as JSON.
+    def from_json(cls, data: Any) -> TrainingDomain:
+        """The domain from its JSON.
 
         Raises:
-            TypeError: it is no mapping, or a key is missing or unknown.
+            TypeError: it is not a mapping, or a key is missing or unknown.
         """
         if not isinstance(data, dict):
-            raise TypeError(f"what was seen is a mapping, not {data!r}")
-        return cls(**{key: tuple(value) if isinstance(value, list) else value for key, value in data.items()})
+            raise TypeError(f"a training domain is a mapping, not {data!r}")
+        values: dict[str, Any] = {
+            key: tuple(value) if isinstance(value, list) else value for key, value in data.items()
+        }
+        return cls(**values)
 
-    def joined(self, other: TrainingDomain) -> TrainingDomain:
-        """What either has seen."""
+    def union(self, other: TrainingDomain) -> TrainingDomain:
+        """The smallest domain that contains both."""
         return TrainingDomain(
-            sides=around(self.sides, other.sides),
-            heights=around(self.heights, other.heights),
-            particles=around(self.particles, other.particles),
+            sides=union_of_ranges(self.sides, other.sides),
+            heights=union_of_ranges(self.heights, other.heights),
+            particles=union_of_ranges(self.particles, other.particles),
             surfaces=tuple(sorted({*self.surfaces, *other.surfaces})),
-            gravity=around(self.gravity, other.gravity),
-            tilt=max(self.tilt, other.tilt),
-            fastest=max(self.fastest, other.fastest),
+            gravity=union_of_ranges(self.gravity, other.gravity),
+            max_tilt=max(self.max_tilt, other.max_tilt),
+            max_speed=max(self.max_speed, other.max_speed),
             frame_time=self.frame_time,
             radius=self.radius,
         )
 
     def warning(self, scene: Scene) -> str | None:
-        """What of ``scene`` the weights were not trained for and what they were, as one line; None if nothing.
+        """One line on how ``scene`` differs from the training data; None if it does not.
 
-        Its solid is not told of: a user's own is nearly always of a kind that training had not, and the simulators know
-        a solid by its distance, not by its kind.
+        The kind of surface is left out: most users' surfaces are of a kind that training did not have, and the models
+        know a surface by its distance, not by its kind.
         """
-        strange = self.unlike(scene)
-        return self.complaint(strange) if strange else None
+        differences = self.differences(scene)
+        return self.format_warning(differences) if differences else None
 
-    def complaint(self, strange: Sequence[str]) -> str:
-        """One line on what is ``strange`` to the weights, and what is not."""
-        return f"the weights were not trained for {', '.join(strange)}; expect errors. Training saw {self.text()}"
-
-    def unlike_solid(self, scene: Scene) -> list[str]:
-        """The solid of ``scene`` where its kind was not seen, else nothing."""
-        if scene.surface is None:
-            return [] if "none" in self.surfaces else ["a container without a solid"]
-        return [] if scene.surface.kind in self.surfaces else [f"a solid of kind '{scene.surface.kind}'"]
-
-    def unlike(self, scene: Scene) -> list[str]:
-        """What of ``scene`` besides its solid is out of what was seen."""
-        x, y, z = scene.container.size
-        strength, tilt = pull(scene)
-        speed = max(math.hypot(*entry.block.velocity) for entry in scene.fluid)
-        strange = []
-        if not (within(x, self.sides) and within(y, self.sides) and within(z, self.heights)):
-            strange.append(f"a container of {x:g} x {y:g} x {z:g} m")
-        if not within(PARTICLE_RADIUS, (self.radius, self.radius)):
-            strange.append(f"particles of radius {PARTICLE_RADIUS:g} m")
-        if not within(FRAME_TIME, (self.frame_time, self.frame_time)):
-            strange.append(f"frames of {FRAME_TIME:g} s")
-        if not within(strength, self.gravity) or tilt > self.tilt + 1:
-            strange.append(
-                f"gravity of {strength:.3g} m/s²" + (f", {tilt:.0f}° off straight down" if tilt >= 1 else "")
-            )
-        if speed > (1 + TOLERANCE) * self.fastest:
-            strange.append(f"water at {speed:.3g} m/s")
-        return strange
-
-    def text(self) -> str:
-        """What was seen, in words."""
+    def format_warning(self, differences: Sequence[str]) -> str:
+        """One line with these differences and the training data."""
         return (
-            f"containers {span(self.sides)} m wide and {span(self.heights)} m high, "
-            f"{span(self.particles)} particles of radius {self.radius:g} m, frames of {self.frame_time:g} s, "
-            f"gravity of {span(self.gravity)} m/s² up to {self.tilt:.0f}° off straight down, "
-            f"water of up to {self.fastest:.3g} m/s, solids: {', '.join(self.surfaces)}"
+            f"the weights were not trained for {', '.join(differences)}; expect errors. "
+            f"Training data: {self.describe()}"
+        )
+
+    def unknown_surface(self, scene: Scene) -> list[str]:
+        """The surface of ``scene`` if training had none of its kind, else nothing."""
+        if scene.surface is None:
+            return [] if "none" in self.surfaces else ["a container without a surface"]
+        return [] if scene.surface.kind in self.surfaces else [f"a surface of kind '{scene.surface.kind}'"]
+
+    def differences(self, scene: Scene) -> list[str]:
+        """The properties of ``scene`` outside the training data, except the kind of its surface."""
+        x, y, z = scene.container.size
+        magnitude, tilt = gravity_magnitude_and_tilt(scene)
+        speed = max(math.hypot(*entry.block.velocity) for entry in scene.fluid)
+        found = []
+        if not (contains(self.sides, x) and contains(self.sides, y) and contains(self.heights, z)):
+            found.append(f"a container of {x:g} x {y:g} x {z:g} m")
+        if not contains((self.radius, self.radius), PARTICLE_RADIUS):
+            found.append(f"particles of radius {PARTICLE_RADIUS:g} m")
+        if not contains((self.frame_time, self.frame_time), FRAME_TIME):
+            found.append(f"frames of {FRAME_TIME:g} s")
+        if not contains(self.gravity, magnitude) or tilt > self.max_tilt + 1:
+            direction = f", {tilt:.0f}° off straight down" if tilt >= 1 else ""
+            found.append(f"gravity of {magnitude:.3g} m/s²{direction}")
+        if speed > (1 + TOLERANCE) * self.max_speed:
+            found.append(f"water at {speed:.3g} m/s")
+        return found
+
+    def describe(self) -> str:
+        """The domain in words."""
+        return (
+            f"containers {format_range(self.sides)} m wide and {format_range(self.heights)} m high, "
+            f"{format_range(self.particles)} particles of radius {self.radius:g} m, frames of {self.frame_time:g} s, "
+            f"gravity of {format_range(self.gravity)} m/s² up to {self.max_tilt:.0f}° off straight down, "
+            f"water of up to {self.max_speed:.3g} m/s, surfaces: {', '.join(self.surfaces)}"
         )
 
 
-def pull(scene: Scene) -> tuple[float, float]:
-    """The strength of gravity, m/s², and how far it is off straight down, degrees."""
+def gravity_magnitude_and_tilt(scene: Scene) -> tuple[float, float]:
+    """The magnitude of gravity in m/s² and its angle to straight down in degrees."""
     x, y, z = scene.gravity
     return math.hypot(x, y, z), math.degrees(math.atan2(math.hypot(x, y), -z)) if (x, y, z) != (0, 0, 0) else 0.0
 
 
-def around(one: Range, other: Range) -> Range:
-    """The smallest range that holds both."""
+def union_of_ranges(one: Range, other: Range) -> Range:
+    """The smallest range that contains both."""
     return min(one[0], other[0]), max(one[1], other[1])
 
 
-def within(value: float, seen: Range) -> bool:
-    """Whether ``value`` is in the range, or all but."""
-    return (1 - TOLERANCE) * seen[0] <= value <= (1 + TOLERANCE) * seen[1]
+def contains(values: Range, value: float) -> bool:
+    """Whether ``value`` is in the range, up to the tolerance."""
+    return (1 - TOLERANCE) * values[0] <= value <= (1 + TOLERANCE) * values[1]
 
 
-def span(seen: Range) -> str:
-    """A range in words."""
-    return f"{seen[0]:.4g}" if seen[0] == seen[1] else f"{seen[0]:.4g} to {seen[1]:.4g}"
+def format_range(values: Range) -> str:
+    """The range in words."""
+    return f"{values[0]:.4g}" if values[0] == values[1] else f"{values[0]:.4g} to {values[1]:.4g}"

@@ -1,4 +1,4 @@
-"""Trained weights as safetensors: tensors and a JSON header, nothing that could run."""
+"""Trained weights as safetensors: tensors and a JSON header, no code."""
 
 from __future__ import annotations
 
@@ -18,39 +18,40 @@ from surfsup.learned.registry import KINDS
 from surfsup.learned.training_domain import TrainingDomain
 from surfsup.sph.simulator import Simulator, Sizes
 
-FORMAT = "surfsup-simulator-4"
+FORMAT = "surfsup-simulator-5"
+FORMAT_FAMILY = "surfsup-simulator-"
 DEFAULT_MODEL = "fast"
 
 
 @dataclass(frozen=True)
 class Card:
-    """What is known of a set of weights.
+    """The description of a set of weights.
 
     Attributes:
         name: of the model.
         about: data, seeds, command, time and scores, as plain text.
-        seen: what the training data were like, where that is known.
+        training_domain: the range of the training data; None if it is not known.
     """
 
     name: str
     about: str
-    seen: TrainingDomain | None = None
+    training_domain: TrainingDomain | None = None
 
     @classmethod
-    def from_json(cls, data: dict[str, Any]) -> Card:
-        """The card that was written as JSON.
+    def from_json(cls, data: Any) -> Card:
+        """The card from its JSON.
 
         Raises:
-            TypeError: a key is missing or unknown.
+            TypeError: it is not a mapping, or a key is missing or unknown.
         """
         if not isinstance(data, dict):
             raise TypeError(f"a card is a mapping, not {data!r}")
-        seen = data.get("seen")
-        return cls(**{**data, "seen": None if seen is None else TrainingDomain.from_json(seen)})
+        domain = data.get("training_domain")
+        return cls(**{**data, "training_domain": None if domain is None else TrainingDomain.from_json(domain)})
 
 
 def save(path: Path, simulator: Simulator, card: Card) -> None:
-    """Write the weights and their card to ``path``; one that is there is replaced when all is written."""
+    """Write the weights and their card to ``path``. An existing file is replaced only once all is written."""
     header = {
         "format": FORMAT,
         "kind": simulator.kind,
@@ -63,29 +64,25 @@ def save(path: Path, simulator: Simulator, card: Card) -> None:
 
 
 def load(path: Path) -> tuple[Simulator, Card]:
-    """The simulator whose weights are in ``path``, ready to roll out, and its card.
+    """The simulator with the weights in ``path``, ready for rollouts, and its card.
 
     Raises:
-        InputError: the file is missing, cut off, not safetensors, of a kind that is not known here, or of another
-            architecture.
+        InputError: the file is missing, truncated, not safetensors, of another format version, of an unknown kind, or
+            its tensors do not fit its architecture.
     """
     if not path.is_file():
         raise InputError(f"{path}: there is no such weights file")
     try:
         with safe_open(path, framework="pt") as file:
             header = file.metadata() or {}
-            if header.get("format") != FORMAT:
-                raise InputError(
-                    f"{path}: holds '{header.get('format', 'something else')}', not weights of a simulator "
-                    f"of this version ('{FORMAT}')"
-                )
+            check_format(path, header.get("format"))
             kind = KINDS.get(header["kind"])
             if kind is None:
                 raise InputError(
-                    f"{path}: is of a simulator of kind '{header['kind']}', which this version does not know; "
-                    f"it knows {', '.join(KINDS)}"
+                    f"{path}: contains weights of kind '{header['kind']}', which this version does not know; "
+                    f"known kinds are {', '.join(KINDS)}"
                 )
-            names = file.keys()  # the file itself is no mapping
+            names = file.keys()  # the file itself is not a mapping
             tensors = {name: file.get_tensor(name) for name in names}
         architecture = kind.architecture_type(**json.loads(header["architecture"]))
         check_sizes(architecture, tensors)
@@ -94,7 +91,7 @@ def load(path: Path) -> tuple[Simulator, Card]:
         card = Card.from_json(json.loads(header["card"]))
     except SafetensorError as error:
         raise InputError(
-            f"{path}: is cut off or not a safetensors file ({error}); pickled weights are refused"
+            f"{path}: is truncated or not a safetensors file ({error}); pickled weights are refused"
         ) from None
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror or error}") from None
@@ -103,20 +100,35 @@ def load(path: Path) -> tuple[Simulator, Card]:
             raise
         reason = " ".join(str(error).split())
         raise InputError(
-            f"{path}: its tensors do not fit its architecture ({reason[:120]}); if another version of surfsup made it, "
-            f"train it anew"
+            f"{path}: its tensors do not fit its architecture ({reason[:120]}); if another version of surfsup wrote "
+            f"it, train the model again"
         ) from None
     return simulator.eval().requires_grad_(False), card
 
 
-def check_sizes(architecture: Sizes, tensors: dict[str, Tensor]) -> None:
-    """Refuse sizes that the tensors cannot fill before a network of those sizes takes all memory.
+def check_format(path: Path, found: str | None) -> None:
+    """Check the format in a file's header.
 
     Raises:
-        ValueError: naming the size.
+        InputError: it is another one; for weights of another version the message says what to do.
     """
-    widest = max((size for tensor in tensors.values() for size in tensor.shape), default=0)
-    if not isinstance(architecture.width, int) or not 0 < architecture.width <= widest:
+    if found is not None and found != FORMAT and found.startswith(FORMAT_FAMILY):
+        raise InputError(
+            f"{path}: is weights format '{found}' of another version of surfsup, this version reads '{FORMAT}'; "
+            f"train the model again with 'surfsup train', or install the version that wrote it"
+        )
+    if found != FORMAT:
+        raise InputError(f"{path}: contains '{found or 'something else'}', not weights of a simulator ('{FORMAT}')")
+
+
+def check_sizes(architecture: Sizes, tensors: dict[str, Tensor]) -> None:
+    """Check the sizes against the tensors, before a network of absurd size takes all memory.
+
+    Raises:
+        ValueError: a size does not fit; the message names it.
+    """
+    largest = max((size for tensor in tensors.values() for size in tensor.shape), default=0)
+    if not isinstance(architecture.width, int) or not 0 < architecture.width <= largest:
         raise ValueError(f"width is {architecture.width!r}")
     if not isinstance(architecture.layers, int) or not 0 < architecture.layers <= len(tensors):
         raise ValueError(f"layers is {architecture.layers!r}")
@@ -126,15 +138,15 @@ def check_sizes(architecture: Sizes, tensors: dict[str, Tensor]) -> None:
 
 def shipped() -> dict[str, Path]:
     """The models that come with the package, by name."""
-    folder = Path(str(files("surfsup.weights")))
+    folder = Path(str(files("surfsup.learned") / "weights"))
     return {path.stem: path for path in sorted(folder.glob("*.safetensors"))}
 
 
 def find(model: str) -> Path:
-    """The weights file of a shipped model's name, or the file that ``model`` is the path of.
+    """The weights file of a shipped model, or the file with this path.
 
     Raises:
-        InputError: neither.
+        InputError: there is neither.
     """
     models = shipped()
     if model in models:

@@ -1,29 +1,29 @@
-"""The same network written plainly: the reference that the fast one must equal."""
+"""The same network in plain torch: the reference for the fast one."""
 
 import torch
 from torch import Tensor
 from torch.nn.functional import layer_norm, linear, relu
 
 from surfsup.learned.message_passing.graph import EdgeGraph
+from surfsup.learned.message_passing.mlp import Mlp
 from surfsup.learned.message_passing.network import MessagePassingNetwork
-from surfsup.learned.message_passing.perceptron import Perceptron
 
 
-def plain_network(network: MessagePassingNetwork, features: Tensor, graph: EdgeGraph) -> Tensor:
+def plain_network(network: MessagePassingNetwork, node_features: Tensor, graph: EdgeGraph) -> Tensor:
     """The outputs (N, outputs) of ``network``, by concatenation, indexing and ``index_add``."""
-    senders, receivers = graph.neighborhood.senders, graph.neighborhood.receivers
-    nodes = plain_perceptron(network.node_encoder, features)
-    edges = plain_perceptron(network.edge_encoder, graph.features)
-    for step in network.steps:
-        messages = plain_perceptron(step.edge, torch.cat([edges, nodes[senders], nodes[receivers]], dim=-1))
+    senders, receivers = graph.neighbors.senders, graph.neighbors.receivers
+    nodes = plain_mlp(network.node_encoder, node_features)
+    edges = plain_mlp(network.edge_encoder, graph.edge_features)
+    for step in network.processor:
+        messages = plain_mlp(step.edge_mlp, torch.cat([edges, nodes[senders], nodes[receivers]], dim=-1))
         received = torch.zeros_like(nodes, dtype=messages.dtype).index_add(0, receivers, messages)
-        nodes = nodes + plain_perceptron(step.node, torch.cat([nodes, received], dim=-1))
+        nodes = nodes + plain_mlp(step.node_mlp, torch.cat([nodes, received], dim=-1))
         edges = edges + messages
     return network.decoder(nodes)
 
 
-def plain_perceptron(perceptron: Perceptron, rows: Tensor) -> Tensor:
-    hidden = relu(linear(rows, perceptron.first.weight, perceptron.first.bias))
-    hidden = relu(linear(hidden, perceptron.second.weight, perceptron.second.bias))
-    out = linear(hidden, perceptron.third.weight, perceptron.third.bias)
-    return layer_norm(out, out.shape[-1:], perceptron.norm.weight, perceptron.norm.bias)
+def plain_mlp(mlp: Mlp, rows: Tensor) -> Tensor:
+    hidden = relu(linear(rows, mlp.hidden_1.weight, mlp.hidden_1.bias))
+    hidden = relu(linear(hidden, mlp.hidden_2.weight, mlp.hidden_2.bias))
+    out = linear(hidden, mlp.output.weight, mlp.output.bias)
+    return layer_norm(out, out.shape[-1:], mlp.norm.weight, mlp.norm.bias)

@@ -2,37 +2,37 @@
 
 import torch
 
-from surfsup.learned.message_passing.history import History
+from surfsup.learned.message_passing.history import HISTORY_LENGTH, History
+from surfsup.learned.message_passing.simulator import MessagePassingSimulator
 from surfsup.learned.registry import KINDS
 from surfsup.sdf import Sphere, Surface, Transformed
-from surfsup.sph.simulator import Simulator
 from surfsup.sph.state import Environment
 
-PAPERS = [kind for kind in KINDS if kind != "convolution"]
+MESSAGE_PASSING = [name for name, kind in KINDS.items() if issubclass(kind, MessagePassingSimulator)]
 GRAVITY = torch.tensor([0.0, 0.0, -9.81])
 SIZES = {"width": 8, "layers": 2, "radius": 0.1}
 
 
-def simulator(kind: str, seed: int = 0, dtype=torch.float32, **sizes) -> Simulator:
+def make_simulator(kind: str, seed: int = 0, dtype=torch.float32, **sizes) -> MessagePassingSimulator:
     torch.manual_seed(seed)
-    made = KINDS[kind]
+    simulator = KINDS[kind]
     few = {"surface_particles": 150} if kind == "gns" else {}
-    return made(made.architecture_type(**{**SIZES, **few, **sizes})).to(dtype)
+    return simulator(simulator.architecture_type(**{**SIZES, **few, **sizes})).to(dtype)
 
 
 def ball(dtype=torch.float32) -> Surface:
     return Transformed(Sphere(0.25), None, (0.1, 0.05, 0.25)).to(dtype)
 
 
-def around(surface: Surface | None = None, dtype=torch.float32) -> Environment:
+def make_environment(surface: Surface | None = None, dtype=torch.float32) -> Environment:
     lower, upper = torch.tensor([-0.5, -0.5, 0.0]), torch.tensor([0.5, 0.5, 2.0])
     return Environment(surface, lower.to(dtype), upper.to(dtype), GRAVITY.to(dtype))
 
 
-def water(count: int = 40, seed: int = 0, dtype=torch.float32, low: float = 0.52, steps: int = 4) -> History:
-    """Particles just above the ball, each on a path of its own."""
+def water(count: int = 40, seed: int = 0, dtype=torch.float32, low: float = 0.52) -> History:
+    """Particles just above the ball, each with displacements of its own."""
     random = torch.Generator().manual_seed(seed)
     positions = torch.rand(count, 3, generator=random, dtype=dtype) * 0.2 + torch.tensor([0, 0, low], dtype=dtype)
     velocities = torch.randn(count, 3, generator=random, dtype=dtype)
-    moves = 0.003 * torch.randn(count, steps, 3, generator=random, dtype=dtype)
-    return History(positions, velocities, moves)
+    displacements = 0.003 * torch.randn(count, HISTORY_LENGTH, 3, generator=random, dtype=dtype)
+    return History(positions, velocities, displacements)

@@ -5,17 +5,17 @@ import torch
 
 from surfsup.learned.message_passing.architecture import SIZES, MessagePassingArchitecture
 from surfsup.learned.message_passing.gns import GnsArchitecture
-from surfsup.learned.message_passing.history import History
-from surfsup.learned.message_passing.simulator import join_seen
+from surfsup.learned.message_passing.history import HISTORY_LENGTH, History
+from surfsup.learned.message_passing.simulator import batch_inputs
 from surfsup.scene import FRAME_TIME
 from surfsup.sdf import Sphere, Surface, Transformed
-from tests.learned.message_passing.scenes import GRAVITY, PAPERS, around, ball, simulator, water
+from tests.learned.message_passing.scenes import GRAVITY, MESSAGE_PASSING, ball, make_environment, make_simulator, water
 
-kinds = pytest.mark.parametrize("kind", PAPERS)
+kinds = pytest.mark.parametrize("kind", MESSAGE_PASSING)
 
 
 class Twisted(Surface):
-    """The ball, its distance right and its gradient another."""
+    """The ball with its true distance and a wrong gradient."""
 
     def __init__(self, inner: Surface) -> None:
         super().__init__()
@@ -32,22 +32,22 @@ class Twisted(Surface):
         return distance, normal.roll(1, dims=-1)
 
 
-def predicted(made, state, surroundings) -> torch.Tensor:
+def predict(simulator, state, environment) -> torch.Tensor:
     with torch.no_grad():
-        return made.predict(made.observe(state, surroundings))
+        return simulator.predict_acceleration(simulator.network_input(state, environment))
 
 
-def shuffled(state: History, order: torch.Tensor) -> History:
+def permute(state: History, order: torch.Tensor) -> History:
     return History(*(value[order] for value in vars(state).values()))
 
 
 @kinds
 def test_the_order_of_particles_does_not_matter(kind):
-    made, state = simulator(kind, dtype=torch.float64), water(dtype=torch.float64)
-    surroundings, order = around(ball(torch.float64), torch.float64), torch.randperm(40)
-    straight, _ = made.step(state, surroundings)
-    permuted, _ = made.step(shuffled(state, order), surroundings)
-    for one, other in zip(vars(permuted).values(), vars(straight).values(), strict=True):
+    simulator, state = make_simulator(kind, dtype=torch.float64), water(dtype=torch.float64)
+    environment, order = make_environment(ball(torch.float64), torch.float64), torch.randperm(40)
+    ordered, _ = simulator.step(state, environment)
+    permuted, _ = simulator.step(permute(state, order), environment)
+    for one, other in zip(vars(permuted).values(), vars(ordered).values(), strict=True):
         torch.testing.assert_close(one, other[order])
 
 
@@ -60,31 +60,31 @@ PINNED = {
 
 
 @kinds
-def test_the_outputs_are_those_of_the_day_it_was_made(kind):
-    made = simulator(kind, dtype=torch.float64)
-    # Weights from a formula: random numbers may change between versions of torch.
+def test_outputs_equal_the_recorded_ones(kind):
+    simulator = make_simulator(kind, dtype=torch.float64)
+    # The weights follow a formula: random numbers may change between versions of torch.
     with torch.no_grad():
-        for number, parameter in enumerate(made.parameters()):
+        for number, parameter in enumerate(simulator.parameters()):
             count = torch.arange(parameter.numel(), dtype=torch.float64)
             parameter.copy_((0.7 * torch.sin(1.3 * count + number)).reshape(parameter.shape))
     count = torch.arange(8, dtype=torch.float64)
     positions = torch.stack([0.05 * count.cos(), 0.05 * count.sin(), 0.52 + 0.01 * count], dim=1)
-    moves = 0.004 * torch.sin(torch.arange(96, dtype=torch.float64)).reshape(8, 4, 3)
-    state = History(positions, positions.flip(1), moves)
-    # A grid for the surface's particles: the drawn ones may change with the library that draws them.
+    displacements = 0.004 * torch.sin(torch.arange(96, dtype=torch.float64)).reshape(8, 4, 3)
+    state = History(positions, positions.flip(1), displacements)
+    # The surface's particles are a grid: samples may change between versions of trimesh.
     if kind == "gns":
-        made.particles.on = lambda surface: (
+        simulator.surface_particles.of = lambda surface: (
             torch.cartesian_prod(*[torch.arange(3) * 0.05] * 3) + torch.tensor([0, 0, 0.4])
         )
-    out = predicted(made, state, around(ball(torch.float64), torch.float64))
+    out = predict(simulator, state, make_environment(ball(torch.float64), torch.float64))
     torch.testing.assert_close(out[[0, 3, 7], :].flatten(), torch.tensor(PINNED[kind]).double(), atol=1e-6, rtol=1e-6)
 
 
-def test_surfsup_is_told_its_moves_the_walls_the_distance_and_its_gradient():
-    made = simulator("surfsup", radius=0.045)
+def test_node_features_of_surfsup_are_displacements_walls_distance_and_gradient():
+    simulator = make_simulator("surfsup", radius=0.045)
     state = History(torch.tensor([[0.1, 0.05, 0.545], [0.49, 0.0, 1.9]]), torch.zeros(2, 3), torch.zeros(2, 4, 3))
-    state.moves[0, 0] = torch.tensor([1.9e-3, 0.0, -4.1e-3])
-    features = made.observe(state, around(ball())).features
+    state.displacements[0, 0] = torch.tensor([1.9e-3, 0.0, -4.1e-3])
+    features = simulator.network_input(state, make_environment(ball())).node_features
     expected = torch.zeros(2, 22)
     expected[0, 0], expected[0, 2] = 1.0, -1.0
     expected[:, 12:18] = 1.0
@@ -95,106 +95,106 @@ def test_surfsup_is_told_its_moves_the_walls_the_distance_and_its_gradient():
     torch.testing.assert_close(features, expected, atol=1e-5, rtol=0)
 
 
-def test_without_a_surface_the_distance_is_the_farthest():
-    features = simulator("surfsup").observe(water(), around()).features
+def test_without_a_surface_the_distance_is_the_maximum():
+    features = make_simulator("surfsup").network_input(water(), make_environment()).node_features
     assert torch.equal(features[:, 18:], torch.tensor([2.0, 0.0, 0.0, 0.0]).expand(40, 4))
 
 
 def test_value_only_ignores_the_gradient_and_surfsup_does_not():
     for kind, ignores in (("value-only", True), ("surfsup", False)):
-        made, state = simulator(kind), water()
-        same = torch.equal(predicted(made, state, around(ball())), predicted(made, state, around(Twisted(ball()))))
+        simulator, state = make_simulator(kind), water()
+        same = torch.equal(
+            predict(simulator, state, make_environment(ball())),
+            predict(simulator, state, make_environment(Twisted(ball()))),
+        )
         assert same == ignores, kind
 
 
 def test_no_sdf_ignores_the_surface_and_the_others_do_not():
-    for kind in PAPERS:
-        made, state = simulator(kind), water()
-        same = torch.equal(predicted(made, state, around(ball())), predicted(made, state, around()))
+    for kind in MESSAGE_PASSING:
+        simulator, state = make_simulator(kind), water()
+        same = torch.equal(
+            predict(simulator, state, make_environment(ball())), predict(simulator, state, make_environment())
+        )
         assert same == (kind == "no-sdf"), kind
 
 
-def test_the_surface_particles_of_gns_stay_where_they_are():
-    made, surroundings = simulator("gns"), around(ball())
-    before = made.particles.on(surroundings.surface).clone()
-    states = [state for state, _ in made.rollout(water(), surroundings, 4)]
+def test_the_surface_particles_of_gns_stay_at_rest():
+    simulator, environment = make_simulator("gns"), make_environment(ball())
+    before = simulator.surface_particles.of(environment.surface).clone()
+    states = [state for state, _ in simulator.rollout(water(), environment, 4)]
     assert all(len(state.positions) == 40 for state in states)
-    nodes = made.nodes(states[-1], surroundings)
+    nodes = simulator.nodes(states[-1], environment)
     assert torch.equal(nodes.positions[40:], before)
     assert len(before) == 150
-    assert not nodes.moves[40:].any()
-    kinds_of = made.see_extra(nodes, surroundings)
-    assert torch.equal(kinds_of[:40], torch.tensor([1.0, 0.0]).expand(40, 2))
-    assert torch.equal(kinds_of[40:], torch.tensor([0.0, 1.0]).expand(150, 2))
+    assert not nodes.displacements[40:].any()
+    types = simulator.surface_features(nodes, environment)
+    assert torch.equal(types[:40], torch.tensor([1.0, 0.0]).expand(40, 2))
+    assert torch.equal(types[40:], torch.tensor([0.0, 1.0]).expand(150, 2))
 
 
-def test_gns_feels_a_surface_particle_as_a_node_of_its_graph():
-    made, state = simulator("gns"), water(5)
-    seen = made.observe(state, around(ball()))
-    assert len(seen.graph) == len(seen.features) == 155
-    across = (seen.graph.neighborhood.receivers < 5) & (seen.graph.neighborhood.senders >= 5)
-    assert across.any()
-    assert torch.equal(seen.fluid, torch.arange(5))
+def test_surface_particles_of_gns_are_nodes_of_its_graph():
+    simulator, state = make_simulator("gns"), water(5)
+    given = simulator.network_input(state, make_environment(ball()))
+    neighbors = given.graph.neighbors
+    assert len(neighbors.starts) - 1 == len(given.node_features) == 155
+    assert ((neighbors.receivers < 5) & (neighbors.senders >= 5)).any()
+    assert torch.equal(given.fluid_nodes, torch.arange(5))
 
 
 @kinds
-def test_scenes_side_by_side_are_predicted_as_on_their_own(kind):
-    made = simulator(kind, dtype=torch.float64)
+def test_a_batch_of_scenes_is_predicted_like_each_scene_alone(kind):
+    simulator = make_simulator(kind, dtype=torch.float64)
     parts = [
-        made.observe(water(count, count, torch.float64), around(surface, torch.float64))
+        simulator.network_input(water(count, count, torch.float64), make_environment(surface, torch.float64))
         for count, surface in ((20, ball(torch.float64)), (7, None), (1, Sphere(0.4).double()))
     ]
-    torch.testing.assert_close(made.predict(join_seen(parts)), torch.cat([made.predict(part) for part in parts]))
+    alone = torch.cat([simulator.predict_acceleration(part) for part in parts])
+    torch.testing.assert_close(simulator.predict_acceleration(batch_inputs(parts)), alone)
 
 
 @kinds
-def test_what_is_wanted_leads_to_the_true_next_step(kind):
-    made, state = simulator(kind, dtype=torch.float64), water(dtype=torch.float64)
-    move, velocities = 0.01 * torch.randn(40, 3).double(), torch.randn(40, 3).double()
-    wanted = made.wanted(state, move, velocities)
-    assert wanted.shape == (40, made.outputs)
-    after, speeds = made.advance(state, wanted)
-    torch.testing.assert_close(after, state.positions + move)
-    torch.testing.assert_close(speeds, move / FRAME_TIME)
+def test_the_target_leads_to_the_true_next_frame(kind):
+    simulator, state = make_simulator(kind, dtype=torch.float64), water(dtype=torch.float64)
+    displacement = 0.01 * torch.randn(40, 3).double()
+    target = simulator.acceleration_target(state, displacement)
+    assert target.shape == (40, 3)
+    positions, velocities = simulator.integrate(state, target)
+    torch.testing.assert_close(positions, state.positions + displacement)
+    torch.testing.assert_close(velocities, displacement / FRAME_TIME)
 
 
 @kinds
-def test_from_a_noisy_state_the_wanted_step_undoes_the_noise_of_the_move_alone(kind):
-    made, state = simulator(kind, dtype=torch.float64), water(dtype=torch.float64)
-    noisy = made.with_noise(state, 1e-3, torch.Generator().manual_seed(2))
-    move = 0.01 * torch.randn(40, 3).double()
-    after, _ = made.advance(noisy, made.wanted(noisy, move, state.velocities))
-    torch.testing.assert_close(after - noisy.positions, move)
-    assert torch.equal(noisy.velocities, state.velocities)
+def test_from_a_noisy_state_the_target_corrects_the_displacement_alone(kind):
+    simulator, state = make_simulator(kind, dtype=torch.float64), water(dtype=torch.float64)
+    noisy = simulator.with_noise(state, 1e-3, torch.Generator().manual_seed(2))
+    displacement = 0.01 * torch.randn(40, 3).double()
+    positions, _ = simulator.integrate(noisy, simulator.acceleration_target(noisy, displacement))
+    torch.testing.assert_close(positions - noisy.positions, displacement)
 
 
 @kinds
-def test_normalization_is_measured_from_examples(kind):
-    made = simulator(kind, dtype=torch.float64)
-    examples = [
-        (water(500, seed, torch.float64), 0.01 * torch.randn(500, 3).double(), torch.randn(500, 3).double())
-        for seed in (1, 2)
-    ]
-    made.measure(examples)
-    wanted = torch.cat([made.wanted(*example) for example in examples])
-    torch.testing.assert_close(wanted.mean(dim=0), torch.zeros(made.outputs).double(), atol=1e-9, rtol=0)
-    torch.testing.assert_close(wanted.std(dim=0, correction=0), torch.ones(made.outputs).double())
-    told = torch.cat([made.moves.normalize(example[0].moves) for example in examples])
-    torch.testing.assert_close(told.std(dim=(0, 1), correction=0), torch.ones(3).double())
+def test_normalizers_are_measured_on_examples(kind):
+    simulator = make_simulator(kind, dtype=torch.float64)
+    examples = [(water(500, seed, torch.float64), 0.01 * torch.randn(500, 3).double()) for seed in (1, 2)]
+    simulator.fit_normalizers(examples)
+    targets = torch.cat([simulator.acceleration_target(*example) for example in examples])
+    torch.testing.assert_close(targets.mean(dim=0), torch.zeros(3).double(), atol=1e-9, rtol=0)
+    torch.testing.assert_close(targets.std(dim=0, correction=0), torch.ones(3).double())
+    displacements = [simulator.displacement_normalizer.normalize(state.displacements) for state, _ in examples]
+    torch.testing.assert_close(torch.cat(displacements).std(dim=(0, 1), correction=0), torch.ones(3).double())
 
 
 @kinds
-@pytest.mark.parametrize(("history", "stride"), [(4, 1), (2, 3)])
-def test_a_network_that_predicts_no_change_but_gravity_falls_freely(kind, history, stride):
-    made = simulator(kind, dtype=torch.float64, history=history, stride=stride)
-    step = stride * FRAME_TIME
+def test_a_network_that_predicts_gravity_alone_falls_freely(kind):
+    simulator = make_simulator(kind, dtype=torch.float64)
     with torch.no_grad():
-        for parameter in made.network.decoder[-1].parameters():
+        for parameter in simulator.network.decoder[-1].parameters():
             parameter.zero_()
-        made.accelerations.mean.copy_(step**2 * GRAVITY)
-    surroundings = around(ball(torch.float64), torch.float64)
+        simulator.acceleration_normalizer.mean.copy_(FRAME_TIME**2 * GRAVITY)
+    environment = make_environment(ball(torch.float64), torch.float64)
     start, velocities = torch.tensor([[0.1, 0.1, 1.5]]).double(), torch.tensor([[0.5, 0.0, 0.3]]).double()
-    rollout = made.rollout(made.start(start, velocities, surroundings), surroundings, 8)
+    rollout = simulator.rollout(simulator.start(start, velocities, environment), environment, 8)
     for frame, (now, moved) in enumerate(rollout):
         # n frames of five solver steps h: n·5h·v + (5n)(5n+1)/2·h²·g
         steps, h = 5 * frame, FRAME_TIME / 5
@@ -205,47 +205,47 @@ def test_a_network_that_predicts_no_change_but_gravity_falls_freely(kind, histor
 
 
 @kinds
-def test_a_true_window_and_a_start_are_states_of_one_kind(kind):
-    made = simulator(kind, history=3, stride=2)
-    assert made.past == 6
-    positions, velocities = torch.randn(7, 5, 3), torch.randn(7, 5, 3)
-    state = made.state_after(positions, velocities)
+def test_a_state_from_frames_is_like_an_initial_state(kind):
+    simulator = make_simulator(kind)
+    assert simulator.past == HISTORY_LENGTH
+    positions, velocities = torch.randn(HISTORY_LENGTH + 1, 5, 3), torch.randn(HISTORY_LENGTH + 1, 5, 3)
+    state = simulator.state_after(positions, velocities)
     assert torch.equal(state.positions, positions[-1]) and torch.equal(state.velocities, velocities[-1])
-    torch.testing.assert_close(state.moves[:, 2], positions[2] - positions[0])
-    assert made.start(positions[0], velocities[0], around()).moves.shape == state.moves.shape
+    torch.testing.assert_close(state.displacements[:, -1], positions[1] - positions[0])
+    initial = simulator.start(positions[0], velocities[0], make_environment())
+    assert initial.displacements.shape == state.displacements.shape
 
 
 @kinds
 def test_a_rollout_starts_with_the_start_and_repeats_bit_for_bit(kind):
-    made, state = simulator(kind), water()
-    runs = [list(made.rollout(state, around(ball()), 5)) for _ in range(2)]
+    simulator, state = make_simulator(kind), water()
+    runs = [list(simulator.rollout(state, make_environment(ball()), 5)) for _ in range(2)]
     assert [len(run) for run in runs] == [5, 5]
     assert runs[0][0][0] is state
     assert all(torch.equal(a.positions, b.positions) for (a, _), (b, _) in zip(*runs, strict=True))
 
 
 @kinds
-@pytest.mark.parametrize("stride", [1, 3])
-def test_the_guard_keeps_every_frame_outside_and_can_be_left_out(kind, stride):
-    made, surroundings = simulator(kind, stride=stride), around(ball())
+def test_collision_handling_keeps_every_frame_penetration_free_and_is_optional(kind):
+    simulator, environment = make_simulator(kind), make_environment(ball())
     positions = torch.tensor([[0.1, 0.05, 0.56], [0.3, 0.1, 0.5]])
-    state = made.start(positions, torch.tensor([[0.0, 0.0, -8.0]] * 2), surroundings)
-    kept = list(made.rollout(state, surroundings, 7))
-    assert all((surroundings.surface.distance(now.positions) > 0).all() for now, _ in kept)
+    state = simulator.start(positions, torch.tensor([[0.0, 0.0, -8.0]] * 2), environment)
+    kept = list(simulator.rollout(state, environment, 7))
+    assert all((environment.surface.distance(now.positions) > 0).all() for now, _ in kept)
     assert any(moved.any() for _, moved in kept)
-    free = list(made.rollout(state, surroundings, 7, handle_collisions=False))
-    assert any((surroundings.surface.distance(now.positions) < 0).any() for now, _ in free)
+    free = list(simulator.rollout(state, environment, 7, handle_collisions=False))
+    assert any((environment.surface.distance(now.positions) < 0).any() for now, _ in free)
     assert not any(moved.any() for _, moved in free)
 
 
-def test_the_gradient_in_a_shape_parameter_is_that_of_finite_differences():
-    made, state = simulator("surfsup", dtype=torch.float64), water(15, dtype=torch.float64)
+def test_the_gradient_in_a_shape_parameter_equals_finite_differences():
+    simulator, state = make_simulator("surfsup", dtype=torch.float64), water(15, dtype=torch.float64)
 
     def height(radius: torch.Tensor) -> torch.Tensor:
-        surroundings = around(Transformed(Sphere(radius), None, (0.1, 0.05, 0.25)).double(), torch.float64)
+        environment = make_environment(Transformed(Sphere(radius), None, (0.1, 0.05, 0.25)).double(), torch.float64)
         now = state
         for _ in range(3):
-            now, _ = made.step(now, surroundings, handle_collisions=False)
+            now, _ = simulator.step(now, environment, handle_collisions=False)
         return now.positions[:, 2].mean() / 3e-4
 
     radius = torch.tensor(0.25, dtype=torch.float64, requires_grad=True)
@@ -264,19 +264,18 @@ def test_the_gradient_in_a_shape_parameter_is_that_of_finite_differences():
         {"layers": 1.5},
         {"radius": 0.0},
         {"radius": math.nan},
-        {"history": 0},
-        {"stride": True},
-        {"stride": 101},
+        {"width": True},
+        {"layers": 101},
     ],
 )
-def test_sizes_that_make_no_sense_are_refused_by_name(sizes):
+def test_sizes_out_of_range_are_refused_by_name(sizes):
     with pytest.raises(ValueError, match=next(iter(sizes))):
         MessagePassingArchitecture(**sizes)
 
 
-def test_the_paper_s_size_is_the_default_and_has_the_published_number_of_steps():
+def test_the_default_size_is_that_of_the_paper():
     default = MessagePassingArchitecture()
     assert {"width": default.width, "layers": default.layers} == SIZES["paper"] == {"width": 128, "layers": 10}
-    assert default.history == 4
+    assert HISTORY_LENGTH == 4
     with pytest.raises(ValueError, match="surface_particles"):
         GnsArchitecture(surface_particles=0)

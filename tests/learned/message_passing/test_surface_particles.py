@@ -10,7 +10,7 @@ SURFACES = [Sphere(0.3), Torus(0.3, 0.1), Union(Box((0.4, 0.4, 0.4)), Transforme
 
 
 @pytest.mark.parametrize("surface", SURFACES, ids=lambda surface: type(surface).__name__)
-def test_there_are_as_many_as_asked_for_on_the_surface_and_evenly(surface):
+def test_the_requested_number_of_points_lies_evenly_on_the_surface(surface):
     points = poisson_disk(surface, 500, seed=1)
     assert (points.shape, points.dtype) == ((500, 3), np.float32)
     assert float(surface.distance(torch.from_numpy(points)).abs().max()) < 0.006
@@ -18,23 +18,23 @@ def test_there_are_as_many_as_asked_for_on_the_surface_and_evenly(surface):
     assert nearest.max() < 2.5 * nearest.min()
 
 
-def test_the_same_seed_draws_the_same():
+def test_points_depend_on_the_seed_alone():
     assert np.array_equal(poisson_disk(Sphere(0.2), 50, 3), poisson_disk(Sphere(0.2), 50, 3))
     assert not np.array_equal(poisson_disk(Sphere(0.2), 50, 3), poisson_disk(Sphere(0.2), 50, 4))
 
 
-def test_a_surface_that_is_moved_takes_its_particles_along():
+def test_particles_are_transformed_with_their_surface():
     torus, particles = Torus(0.3, 0.1), SurfaceParticles(200)
     moved = Transformed(torus, axis_rotation((1, 2, 0), 40), (0.1, 0.2, 0.3), 0.5)
     mirrored = Transformed(moved, torch.diag(torch.tensor([-1.0, 1.0, 1.0])))
-    assert particles.on(torus) is particles.on(torus), "drawn once"
+    assert particles.of(torus) is particles.of(torus), "drawn once"
     for surface in (moved, mirrored):
-        assert surface.distance(particles.on(surface)).abs().max() < 0.001
-    torch.testing.assert_close(moved.to_own_frame(particles.on(moved)), particles.on(torus))
+        assert surface.distance(particles.of(surface)).abs().max() < 0.001
+    torch.testing.assert_close(moved.to_own_frame(particles.of(moved)), particles.of(torus))
 
 
-def test_no_particles_are_kept_of_a_surface_that_is_gone():
+def test_particles_of_a_deleted_surface_are_freed():
     particles = SurfaceParticles(20)
     for _ in range(3):
-        particles.on(Sphere(0.2))
-    assert len(particles._drawn) == 0
+        particles.of(Sphere(0.2))
+    assert len(particles._samples) == 0

@@ -1,1 +1,1 @@
-"""The paper's networks as simulators: message passing with a state on every edge."""
+"""The paper's simulators: graph networks with a latent vector on every node and every edge."""

@@ -1,4 +1,4 @@
-"""The sizes of a message-passing simulator."""
+"""The sizes of a message-passing network."""
 
 from __future__ import annotations
 
@@ -8,42 +8,38 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class MessagePassingArchitecture:
-    """The sizes of a message-passing simulator; they travel with its weights. The defaults are the paper's.
+    """The sizes of a message-passing simulator. They are saved with its weights; the defaults are the paper's.
 
-    The paper leaves the radius and the stride unsaid: 0.045 gives about nine neighbors to a particle of a lattice
-    of 0.03, and keeps clear of the ties at 0.0424 and 0.052.
+    The paper does not give the radius. With 0.045 a particle in a lattice of spacing 0.03 has about nine neighbors, and
+    the radius keeps clear of the lattice distances 0.0424 and 0.052, where rounding would decide.
 
     Attributes:
-        width: channels of every particle and every edge.
-        layers: steps of message passing, each with weights of its own.
+        width: channels of the latent vectors on nodes and edges.
+        layers: message-passing steps of the processor, each with its own weights.
         radius: connectivity radius in meters.
-        history: the T last moves that the network sees.
-        stride: frames in a step.
 
     Raises:
-        ValueError: a size that makes no sense, by name.
+        ValueError: a size is out of range; the message names it.
     """
 
     width: int = 128
     layers: int = 10
     radius: float = 0.045
-    history: int = 4
-    stride: int = 1
 
     def __post_init__(self) -> None:
-        for name, most in (("width", 4096), ("layers", 100), ("history", 100), ("stride", 100)):
-            within(name, getattr(self, name), most)
+        require_count("width", self.width, 4096)
+        require_count("layers", self.layers, 100)
         if not isinstance(self.radius, float) or not 0 < self.radius < math.inf:
             raise ValueError(f"radius is {self.radius!r}")
 
 
-def within(name: str, value: object, most: int) -> None:
-    """Refuse what is no count from 1 to ``most``.
+def require_count(name: str, value: object, maximum: int) -> None:
+    """Check that ``value`` is an integer from 1 to ``maximum``.
 
     Raises:
-        ValueError: naming it.
+        ValueError: it is not; the message names it.
     """
-    if not isinstance(value, int) or isinstance(value, bool) or not 1 <= value <= most:
+    if not isinstance(value, int) or isinstance(value, bool) or not 1 <= value <= maximum:
         raise ValueError(f"{name} is {value!r}")
 
 

@@ -1,4 +1,4 @@
-"""The supplement's ablation that is told nothing of the surface."""
+"""An ablation of the supplement: no input about the surface."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from surfsup.sph.state import Environment
 
 
 class NoSdf(MessagePassingSimulator):
-    """Particles and walls alone."""
+    """The paper's network with particles and walls alone."""
 
     kind: ClassVar[str] = "no-sdf"
-    extra_features: ClassVar[int] = 0
+    surface_feature_count: ClassVar[int] = 0
 
-    def see_extra(self, nodes: History, environment: Environment) -> Tensor:
-        """Nothing."""
+    def surface_features(self, nodes: History, environment: Environment) -> Tensor:
+        """No features, (M, 0)."""
         return nodes.positions[:, :0]

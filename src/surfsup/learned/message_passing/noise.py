@@ -1,4 +1,4 @@
-"""Training noise: errors that have built up over the history, as those of a rollout do."""
+"""Training noise: a random walk over the history, like the error that a rollout accumulates."""
 
 from __future__ import annotations
 
@@ -8,17 +8,17 @@ from torch import Tensor
 from surfsup.learned.message_passing.history import History
 
 
-def random_walk(history: History, size: float, generator: torch.Generator) -> tuple[History, Tensor]:
-    """A history whose moves have strayed by a random walk, and where the particles have strayed to with them.
+def add_random_walk(history: History, std: float, generator: torch.Generator) -> History:
+    """Add a random walk to the displacements, and its sum to the positions.
 
-    The walk's spread is ``size`` meters at the last move; the oldest place is exact. From GNS (Sanchez-Gonzalez et al.
-    2020, ``noise_utils.py`` of its code). What is given stays as it is.
+    Source: GNS (Sanchez-Gonzalez et al. 2020), ``noise_utils.py`` of its code.
 
-    Returns:
-        The noisy history, and the noise of its last move (N, 3), meters.
+    Args:
+        history: the true history; it is not modified.
+        std: standard deviation of the walk at the latest displacement, meters. The oldest position stays exact.
+        generator: of the random numbers.
     """
-    count, steps, _ = history.moves.shape
+    count, steps, _ = history.displacements.shape
     draws = torch.randn(count, steps, 3, generator=generator, device=generator.device)
-    walk = (draws.to(history.moves) * (size / steps**0.5)).cumsum(dim=1)
-    strayed = history.positions + walk.sum(dim=1)
-    return History(strayed, history.velocities, history.moves + walk.flip(1)), walk[:, -1]
+    walk: Tensor = (draws.to(history.displacements) * (std / steps**0.5)).cumsum(dim=1)
+    return History(history.positions + walk.sum(dim=1), history.velocities, history.displacements + walk.flip(1))

@@ -1,4 +1,4 @@
-"""A surface as particles, for the baseline that knows no distance."""
+"""Particles on a surface, for the baseline that has no signed distance."""
 
 from __future__ import annotations
 
@@ -10,40 +10,40 @@ from torch import Tensor
 
 from surfsup.sdf import Surface, Transformed
 
-CANDIDATES = 5  # points drawn evenly by area for each that is kept
-RESOLUTION = 96  # cells of marching cubes where a surface has no triangles
+CANDIDATES = 5  # points drawn uniformly by area for each that is kept
+RESOLUTION = 96  # cells of marching cubes for surfaces without triangles
+SEED = 0  # of the candidates
 
 
 class SurfaceParticles:
-    """Poisson-disk samples of surfaces, each drawn once and then kept as long as its surface lives.
+    """Poisson-disk samples of surfaces, drawn once for each surface and kept while it lives.
 
     Attributes:
-        count: how many a surface.
-        seed: of the points that are drawn from.
+        count: particles on each surface.
     """
 
-    def __init__(self, count: int, seed: int = 0) -> None:
-        self.count, self.seed = count, seed
-        self._drawn: WeakKeyDictionary[Surface, Tensor] = WeakKeyDictionary()
+    def __init__(self, count: int) -> None:
+        self.count = count
+        self._samples: WeakKeyDictionary[Surface, Tensor] = WeakKeyDictionary()
 
-    def on(self, surface: Surface) -> Tensor:
-        """The particles (count, 3) of ``surface``, meters; a surface that is turned takes them along."""
+    def of(self, surface: Surface) -> Tensor:
+        """The particles (count, 3) on ``surface``, meters. Those of a transformed surface are transformed with it."""
         if isinstance(surface, Transformed):
             with torch.no_grad():
-                own = self.on(surface.surface).to(surface.rotation)
-                return surface.scale * own @ surface.rotation.T + surface.translation
-        if surface not in self._drawn:
-            points = poisson_disk(surface, self.count, self.seed)
-            self._drawn[surface] = torch.from_numpy(points).to(surface.bounds())
-        return self._drawn[surface]
+                inner = self.of(surface.surface).to(surface.rotation)
+                return surface.scale * inner @ surface.rotation.T + surface.translation
+        if surface not in self._samples:
+            points = poisson_disk(surface, self.count, SEED)
+            self._samples[surface] = torch.from_numpy(points).to(surface.bounds())
+        return self._samples[surface]
 
 
 def poisson_disk(surface: Surface, count: int, seed: int) -> np.ndarray:
-    """Exactly ``count`` points (count, 3) float32 on a surface, none much nearer to the next than any other.
+    """Exactly ``count`` points (count, 3) float32 on a surface, evenly spaced.
 
-    Farthest-point sampling (Eldar et al. 1997) of points drawn evenly by area: each new one is that which is farthest
-    from all before. So with r the last one's distance no two are nearer than r, and no point drawn is farther than r
-    from one: a Poisson-disk sample that is full.
+    Farthest-point sampling (Eldar et al. 1997) of points drawn uniformly by area: each new point is the candidate
+    farthest from all points before it. If the last one was at distance r, no two points are nearer than r and no
+    candidate is farther than r from a point: a maximal Poisson-disk sample.
 
     Raises:
         InputError: the surface has no triangles.
@@ -51,12 +51,12 @@ def poisson_disk(surface: Surface, count: int, seed: int) -> np.ndarray:
     import trimesh
 
     mesh = surface.to_mesh(RESOLUTION)
-    drawn, _ = trimesh.sample.sample_surface(mesh, CANDIDATES * count, seed=seed)
-    points = np.ascontiguousarray(drawn.T, dtype=np.float32)
+    candidates, _ = trimesh.sample.sample_surface(mesh, CANDIDATES * count, seed=seed)
+    points = np.ascontiguousarray(candidates.T, dtype=np.float32)
     chosen = np.zeros(count, dtype=np.int64)
-    apart = np.full(len(drawn), np.inf, dtype=np.float32)
-    for place in range(1, count):
-        away = points - points[:, chosen[place - 1], None]
-        np.minimum(apart, np.einsum("ij,ij->j", away, away), out=apart)
-        chosen[place] = apart.argmax()
+    squared_distance = np.full(len(candidates), np.inf, dtype=np.float32)
+    for number in range(1, count):
+        offset = points - points[:, chosen[number - 1], None]
+        np.minimum(squared_distance, np.einsum("ij,ij->j", offset, offset), out=squared_distance)
+        chosen[number] = squared_distance.argmax()
     return points.T[chosen]

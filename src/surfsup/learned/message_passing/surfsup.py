@@ -1,4 +1,4 @@
-"""SURFSUP: particles are told the signed distance of the surface and its gradient."""
+"""SURFSUP: every particle knows the signed distance of the surface and its gradient."""
 
 from __future__ import annotations
 
@@ -12,25 +12,25 @@ from surfsup.learned.message_passing.simulator import MessagePassingSimulator
 from surfsup.scene import NEAR_SURFACE_DISTANCE
 from surfsup.sph.state import Environment
 
-FARTHEST = 2.0  # of NEAR_SURFACE_DISTANCE: what is farther is told as this far
+MAXIMUM = 2.0  # in units of NEAR_SURFACE_DISTANCE; larger distances are clipped
 
 
 class Surfsup(MessagePassingSimulator):
-    """The paper's simulator."""
+    """The paper's simulator (section 3.2, supplement section 6)."""
 
     kind: ClassVar[str] = "surfsup"
-    extra_features: ClassVar[int] = 4
+    surface_feature_count: ClassVar[int] = 4
 
-    def see_extra(self, nodes: History, environment: Environment) -> Tensor:
-        """Signed distance (1), cut off far away, and its gradient (3), at the particles' places now."""
+    def surface_features(self, nodes: History, environment: Environment) -> Tensor:
+        """The clipped signed distance (1) at each node and its gradient (3)."""
         distance, normal = environment.distance_and_normal(nodes.positions)
-        return torch.cat([told_distance(distance), normal], dim=-1)
+        return torch.cat([scaled_distance(distance), normal], dim=-1)
 
 
-def told_distance(distance: Tensor) -> Tensor:
-    """Signed distances (N,) in meters as the network is told them, (N, 1).
+def scaled_distance(distance: Tensor) -> Tensor:
+    """Signed distances (N,) in meters as a node feature (N, 1): in near-surface distances, clipped to MAXIMUM.
 
-    Neither unit nor cut-off is in the paper: this is a choice of ours. It keeps the height above a far surface, which
-    no force depends on, out of what is learned, and stands for no surface at all.
+    The paper gives neither the unit nor the limit. No force depends on the height above a distant surface; clipping
+    keeps that height out of the input, and lets the maximum stand for a scene without a surface.
     """
-    return (distance / NEAR_SURFACE_DISTANCE).clamp(-FARTHEST, FARTHEST)[:, None]
+    return (distance / NEAR_SURFACE_DISTANCE).clamp(-MAXIMUM, MAXIMUM)[:, None]

@@ -1,4 +1,4 @@
-"""The supplement's ablation that is told the distance of the surface without its gradient."""
+"""An ablation of the supplement: the signed distance without its gradient."""
 
 from __future__ import annotations
 
@@ -8,16 +8,16 @@ from torch import Tensor
 
 from surfsup.learned.message_passing.history import History
 from surfsup.learned.message_passing.simulator import MessagePassingSimulator
-from surfsup.learned.message_passing.surfsup import told_distance
+from surfsup.learned.message_passing.surfsup import scaled_distance
 from surfsup.sph.state import Environment
 
 
 class ValueOnly(MessagePassingSimulator):
-    """The signed distance, without its gradient."""
+    """The paper's network with the signed distance, but without its gradient."""
 
     kind: ClassVar[str] = "value-only"
-    extra_features: ClassVar[int] = 1
+    surface_feature_count: ClassVar[int] = 1
 
-    def see_extra(self, nodes: History, environment: Environment) -> Tensor:
-        """Signed distance (1), cut off far away."""
-        return told_distance(environment.distance_and_normal(nodes.positions)[0])
+    def surface_features(self, nodes: History, environment: Environment) -> Tensor:
+        """The clipped signed distance (1) at each node."""
+        return scaled_distance(environment.distance_and_normal(nodes.positions)[0])

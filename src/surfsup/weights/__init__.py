@@ -1,1 +1,0 @@
-"""The trained models that ship: safetensors, each with its card."""
