@@ -5,13 +5,13 @@ import numpy as np
 import pytest
 
 from surfsup.sdf import Sphere
-from surfsup.sph.boundary.volume_map import volume_map
+from surfsup.sph.boundary.volume_map import build_volume_map
 from surfsup.splishsplash.job_files import particle_file, solver_scene, write_job
 
 
 @pytest.fixture(scope="module")
 def ball():
-    return volume_map(Sphere(0.1), np.full(3, -0.2), np.full(3, 0.2), np.full(3, 0.05))
+    return build_volume_map(Sphere(0.1), np.full(3, -0.2), np.full(3, 0.2), np.full(3, 0.05))
 
 
 def test_the_solver_is_asked_for_what_the_paper_used():

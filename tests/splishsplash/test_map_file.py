@@ -1,12 +1,12 @@
 import numpy as np
 
 from surfsup.sdf import Sphere
-from surfsup.sph.boundary.volume_map import volume_map
+from surfsup.sph.boundary.volume_map import build_volume_map
 from surfsup.splishsplash.map_file import write_map
 
 
 def test_the_file_is_laid_out_as_discregrid_reads_it(tmp_path):
-    made = volume_map(Sphere(0.1), np.array([-0.2, -0.25, -0.2]), np.array([0.2, 0.25, 0.3]), np.full(3, 0.05))
+    made = build_volume_map(Sphere(0.1), np.array([-0.2, -0.25, -0.2]), np.array([0.2, 0.25, 0.3]), np.full(3, 0.05))
     write_map(tmp_path / "ball.cdm", made)
     data = (tmp_path / "ball.cdm").read_bytes()
     place = 0
@@ -27,12 +27,12 @@ def test_the_file_is_laid_out_as_discregrid_reads_it(tmp_path):
         np.testing.assert_array_equal(take("<f8", count), values.astype(np.float64))
     assert take("<u8") == 2
     (cells,) = take("<u8")
-    np.testing.assert_array_equal(take("<u4", 32 * cells).reshape(-1, 32), made.nodes)
+    np.testing.assert_array_equal(take("<u4", 32 * cells).reshape(-1, 32), made.cell_nodes)
     assert take("<u8") == 0
     assert take("<u8") == 2
     for _ in range(2):
         (count,) = take("<u8")
         places = take("<u4", count)
-        np.testing.assert_array_equal(np.flatnonzero(places != 0xFFFFFFFF), np.sort(made.kept))
-        np.testing.assert_array_equal(places[made.kept], np.arange(cells))
+        np.testing.assert_array_equal(np.flatnonzero(places != 0xFFFFFFFF), np.sort(made.cells))
+        np.testing.assert_array_equal(places[made.cells], np.arange(cells))
     assert place == len(data)

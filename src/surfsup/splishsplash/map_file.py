@@ -20,7 +20,7 @@ def write_map(path: Path, volume_map: VolumeMap) -> None:
     """
     lower, cell, resolution = volume_map.lower, volume_map.cell, volume_map.resolution
     places = np.full(int(resolution.prod()), NO_CELL, dtype=np.uint32)
-    places[volume_map.kept] = np.arange(len(volume_map.kept), dtype=np.uint32)
+    places[volume_map.cells] = np.arange(len(volume_map.cells), dtype=np.uint32)
     fields = (volume_map.distances, volume_map.volumes)
     with path.open("wb") as file:
         file.write(np.concatenate([lower, lower + resolution * cell]).astype(np.float64).tobytes())
@@ -30,7 +30,7 @@ def write_map(path: Path, volume_map: VolumeMap) -> None:
         file.write(counts(FIELDS))
         for values in fields:
             file.write(counts(len(values)) + values.astype(np.float64).tobytes())
-        file.write(counts(FIELDS, len(volume_map.nodes)) + volume_map.nodes.astype(np.uint32).tobytes() + counts(0))
+        file.write(counts(FIELDS, len(volume_map.cell_nodes)) + volume_map.cell_nodes.astype(np.uint32).tobytes() + counts(0))
         file.write(counts(FIELDS))
         for _ in fields:
             file.write(counts(len(places)) + places.tobytes())

@@ -16,9 +16,9 @@ from typing import IO
 import numpy as np
 
 from surfsup.errors import InputError, SimulationError
-from surfsup.scene import Scene, Start
+from surfsup.scene import InitialParticles, Scene
 from surfsup.sdf import Surface
-from surfsup.sph.boundary.scene_boundaries import boundaries
+from surfsup.sph.boundary.scene_boundaries import scene_volume_maps
 from surfsup.splishsplash.job_files import STEPS_PER_FRAME, write_job
 
 NAME = "SPlisHSPlasH 2.19 DFSPH"
@@ -31,7 +31,7 @@ class SolverError(SimulationError):
 
 
 def simulate(
-    scene: Scene, surface: Surface | None, start: Start, threads: int = 1
+    scene: Scene, surface: Surface | None, start: InitialParticles, threads: int = 1
 ) -> Iterator[tuple[np.ndarray, np.ndarray]]:
     """Run ``scene`` in SPlisHSPlasH and yield its frames as the solver makes them.
 
@@ -49,9 +49,9 @@ def simulate(
         SolverError: the child process ended early.
         InputError: the solver or a library that it needs is not installed.
     """
-    maps = boundaries(scene, surface)
+    maps = scene_volume_maps(scene, surface)
     with tempfile.TemporaryDirectory(prefix="surfsup-") as folder, tempfile.TemporaryFile() as log:
-        scene_file = write_job(Path(folder), scene.gravity, start.blocks, start.velocities, maps)
+        scene_file = write_job(Path(folder), scene.gravity, start.block_positions, start.block_velocities, maps)
         frames = run_child(scene_file, scene.frames, len(start.positions), threads, log)
         with contextlib.closing(frames):
             for number, frame in enumerate(frames):

@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 import torch
 
-from surfsup.sph.boundary.density import NEAREST, OFFSET, flat_share, solid_density
-from surfsup.sph.boundary.volume_map import VOLUME_FACTOR, extension
+from surfsup.sph.boundary.density import NEAREST, OFFSET, VOLUME_FACTOR, flat_share, solid_density
+from surfsup.sph.boundary.volume_map import extension
 from surfsup.sph.kernels import KERNEL_PEAK, KERNEL_SUPPORT, cubic_spline
 
 

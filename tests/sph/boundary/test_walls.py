@@ -5,7 +5,7 @@ import torch
 from surfsup.scene import Container, Scene
 from surfsup.sph.boundary.density import flat_share, solid_density
 from surfsup.sph.boundary.scene_boundaries import wall_map
-from surfsup.sph.boundary.shape_functions import serendipity
+from surfsup.sph.boundary.shape_functions import shape_functions
 from surfsup.sph.boundary.volume_map import VolumeMap
 from surfsup.sph.boundary.walls import cell_sizes, walls_density
 from surfsup.sph.kernels import KERNEL_SUPPORT
@@ -21,12 +21,12 @@ def interpolated(made: VolumeMap, points: np.ndarray) -> tuple[np.ndarray, np.nd
     """Distance (N,), volume (N,) and normal (N, 3) as the solver looks them up."""
     cell = np.floor((points - made.lower) / made.cell).astype(int)
     number = cell @ [1, made.resolution[0], made.resolution[0] * made.resolution[1]]
-    nodes = made.nodes[np.searchsorted(made.kept, number)]
-    order = np.argsort(made.kept)
-    assert np.array_equal(made.kept[order], made.kept)
+    nodes = made.cell_nodes[np.searchsorted(made.cells, number)]
+    order = np.argsort(made.cells)
+    assert np.array_equal(made.cells[order], made.cells)
     at = 2 * ((points - made.lower) / made.cell - cell) - 1
 
-    values, slopes = (part.numpy() for part in serendipity(torch.from_numpy(at)))
+    values, slopes = (part.numpy() for part in shape_functions(torch.from_numpy(at)))
     distance, volume = ((values * field[nodes]).sum(axis=1) for field in (made.distances, made.volumes))
     normal = (slopes * made.distances[nodes][:, None]).sum(axis=2) / made.cell
     return distance, volume, normal / np.linalg.norm(normal, axis=1, keepdims=True)

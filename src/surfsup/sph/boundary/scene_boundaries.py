@@ -1,4 +1,4 @@
-"""What the solver's particles meet, as volume maps: the container's walls and the scene's solid."""
+"""The boundary volume maps of a scene: the container's walls and the scene's solid."""
 
 from __future__ import annotations
 
@@ -9,32 +9,32 @@ from torch import Tensor
 
 from surfsup.scene import WALL_CELL, Container, Scene
 from surfsup.sdf import Box, MeshSurface, Surface, Transformed, polygonize
-from surfsup.sph.boundary.volume_map import VolumeMap, volume_map
+from surfsup.sph.boundary.volume_map import VolumeMap, build_volume_map
 from surfsup.sph.kernels import KERNEL_SUPPORT
 
 SURFACE_CELL = 0.025  # meters
-BEYOND = 0.1  # meters that a map reaches past the walls, so that a particle which slips through is brought back
-MESH_RESOLUTION = 160  # cells of the triangles of a solid whose own value is only a bound
+WALL_MARGIN = 0.1  # meters that a map extends past the walls, so that a particle that slips through is pushed back
+MESH_RESOLUTION = 160  # marching cubes cells along the longest side, for a solid whose value is only a bound
 
 
 class Walls(Surface):
-    """All that is not in the container, as a solid: its distance is true inside the container."""
+    """The outside of a container as a solid. Its distance is exact inside the container."""
 
     def __init__(self, container: Container) -> None:
         super().__init__()
-        self.room = Transformed(Box(container.size), translation=(0.0, 0.0, container.size[2] / 2))
+        self.inside = Transformed(Box(container.size), translation=(0.0, 0.0, container.size[2] / 2))
 
     def distance(self, points: Tensor) -> Tensor:
-        """Signed distance (N,) to the nearest wall."""
-        return -self.room.distance(points)
+        """Signed distance (N,) to the nearest wall, meters."""
+        return -self.inside.distance(points)
 
     def bounds(self) -> Tensor:
-        """The box of the container (2, 3), around which this solid lies."""
-        return self.room.bounds()
+        """The container's box (2, 3), which this solid surrounds."""
+        return self.inside.bounds()
 
 
-def boundaries(scene: Scene, surface: Surface | None) -> list[VolumeMap]:
-    """The maps of ``scene``: of its container, and of ``surface`` where there is one.
+def scene_volume_maps(scene: Scene, surface: Surface | None) -> list[VolumeMap]:
+    """The volume maps of ``scene``: its container, then ``surface`` if there is one.
 
     Raises:
         InputError: the surface has no point near the container.
@@ -45,33 +45,33 @@ def boundaries(scene: Scene, surface: Surface | None) -> list[VolumeMap]:
 
 @lru_cache(maxsize=4)
 def wall_map(container: Container) -> VolumeMap:
-    """The map of the container's walls, whose cells end at all of them: so all corners are alike."""
+    """The volume map of the container's walls. Its cells end at every wall, so all corners are alike."""
     size = np.asarray(container.size)
     cell = size / np.maximum(1, np.round(size / WALL_CELL))
-    return volume_map(Walls(container), container.lower - 2 * cell, container.upper + 2 * cell, cell)
+    return build_volume_map(Walls(container), container.lower - 2 * cell, container.upper + 2 * cell, cell)
 
 
 def surface_map(surface: Surface, container: Container) -> VolumeMap:
-    """The map of ``surface`` where particles can meet it.
+    """The volume map of ``surface`` where particles can reach it.
 
-    The solver needs true distances outside the solid. Where ``surface`` tells only a bound, as beside the edges
-    that a difference cuts, its triangles tell them.
+    The map needs exact distances outside the solid. If the value of ``surface`` is only a bound there, as beside the
+    edges of a difference, the distance to its triangles replaces it.
 
     Raises:
         InputError: the surface has no point near the container.
     """
-    felt = surface if surface.exact_outside else MeshSurface(polygonize(surface, MESH_RESOLUTION), exact=True)
-    return map_in(felt, container)
+    exact = surface if surface.exact_outside else MeshSurface(polygonize(surface, MESH_RESOLUTION), exact=True)
+    return map_in_container(exact, container)
 
 
-def map_in(surface: Surface, container: Container, depth: float = KERNEL_SUPPORT) -> VolumeMap:
-    """The map of ``surface`` in a container, by its own value, with cells down to a ``depth`` in meters.
+def map_in_container(surface: Surface, container: Container, depth: float = KERNEL_SUPPORT) -> VolumeMap:
+    """The volume map of ``surface`` in a container, from its own value, with cells down to ``depth`` meters inside.
 
     Raises:
         InputError: the surface has no point near the container.
     """
     lower, upper = surface.bounds().detach().cpu().double().numpy()
     reach = KERNEL_SUPPORT + SURFACE_CELL
-    lower = np.maximum(lower - reach, np.asarray(container.lower) - BEYOND)
-    upper = np.minimum(upper + reach, np.asarray(container.upper) + BEYOND)
-    return volume_map(surface, lower, upper, np.full(3, SURFACE_CELL), depth)
+    lower = np.maximum(lower - reach, np.asarray(container.lower) - WALL_MARGIN)
+    upper = np.minimum(upper + reach, np.asarray(container.upper) + WALL_MARGIN)
+    return build_volume_map(surface, lower, upper, np.full(3, SURFACE_CELL), depth)

@@ -1,9 +1,8 @@
-"""How the solver feels a solid: its distance and the solid's share of a particle's neighborhood, on a grid.
+"""Boundary volume maps: the signed distance to a solid and the volume that it takes up around a point, on a grid.
 
-The method is that of Bender et al., "Volume Maps: An Implicit Boundary Representation for SPH" (2019). SPlisHSPlasH
-builds such maps from triangles, by a quadrature of 27,000 points a node. We build them from the signed distance
-itself: nothing is rounded off by triangles, and the integral, being a convolution with a ball, costs two Fourier
-transforms.
+Method: Bender et al., "Volume Maps: An Implicit Boundary Representation for SPH" (2019). SPlisHSPlasH builds its maps
+from triangles, with a quadrature of 27,000 points for each node. Here they are built from the signed distance itself.
+Triangles round nothing off, and the volume integral is a convolution with a ball, which takes two Fourier transforms.
 """
 
 from __future__ import annotations
@@ -16,191 +15,199 @@ from scipy import fft
 
 from surfsup.errors import InputError
 from surfsup.sdf import Surface
-from surfsup.sph.boundary.shape_functions import NODES_A_SIDE, NODES_OF_CELL, OTHERS_OF_CELL, from_nodes_to_others
+from surfsup.sph.boundary.density import VOLUME_FACTOR
+from surfsup.sph.boundary.shape_functions import CELL_NODES, OTHER_POINTS, STEPS_PER_CELL, interpolation_matrix
 from surfsup.sph.kernels import KERNEL_SUPPORT
 
-VOLUME_FACTOR = 0.8  # of the solver's volume maps
-SLOW = 0.1  # a wave's phase over the support radius up to which its series is the better way
-CHUNK = 250_000  # points a query, which bounds the memory of the surface's own intermediate tensors
+SERIES_LIMIT = 0.1  # below this phase over the kernel support, the Fourier transform of the ball is a series
+QUERY_SIZE = 250_000  # points per query, which bounds the memory of the surface's intermediate tensors
 
 
 @dataclass(frozen=True)
 class VolumeMap:
-    """A grid over a box, with nodes only in the cells that the solver needs: those near the surface.
+    """A grid over a box. Only the cells near the surface have nodes.
 
     Attributes:
-        lower: the box's lowest corner (3,), meters.
+        lower: lowest corner of the box (3,), meters.
         cell: sides of a cell (3,), meters.
-        resolution: cells along x, y and z (3,).
-        kept: numbers (M,) of the cells that have nodes; x runs fastest.
-        nodes: (M, 32) which nodes a kept cell has.
-        distances: (K,) of the nodes, meters, negative inside the solid.
-        volumes: (K,) of solid around the nodes, m³, as the solver weighs it.
+        resolution: number of cells along x, y and z (3,).
+        cells: indices (M,) of the cells that have nodes; x varies fastest.
+        cell_nodes: node indices (M, 32) of these cells.
+        distances: signed distance (K,) at each node, meters, negative inside the solid.
+        volumes: boundary volume (K,) at each node, m³, with the factor of SPlisHSPlasH.
     """
 
     lower: np.ndarray
     cell: np.ndarray
     resolution: np.ndarray
-    kept: np.ndarray
-    nodes: np.ndarray
+    cells: np.ndarray
+    cell_nodes: np.ndarray
     distances: np.ndarray
     volumes: np.ndarray
 
 
-def volume_map(
+def build_volume_map(
     surface: Surface, lower: np.ndarray, upper: np.ndarray, cell: np.ndarray, depth: float = KERNEL_SUPPORT
 ) -> VolumeMap:
-    """The map of ``surface`` in the box from ``lower`` to ``upper`` (3,), in cells of the sides ``cell`` (3,).
+    """Build the volume map of ``surface`` in the box from ``lower`` to ``upper`` (3,).
 
     Args:
-        surface: its value outside must be the distance, and may be less than it only inside.
-        lower: lowest corner of the box in meters; it must reach a support radius beyond where particles go.
-        upper: highest corner; moved outward to whole cells.
-        cell: sides of a cell, meters.
-        depth: how far into the solid cells have nodes, meters.
+        surface: its value must be the true distance outside the solid; inside it may be a bound.
+        lower: lowest corner of the box in meters, at least a kernel support beyond any particle.
+        upper: highest corner; it moves outward to a whole number of cells.
+        cell: sides of a cell (3,), meters.
+        depth: cells have nodes down to this depth inside the solid, meters.
 
     Raises:
         InputError: the surface has no point in the box.
     """
     if (upper <= lower).any():
-        raise nothing_to_feel()
+        raise no_surface_error()
     resolution = np.ceil((upper - lower) / cell - 1e-6).astype(int)
-    around = np.ceil(KERNEL_SUPPORT / cell).astype(int)  # cells beyond the box which the integral reaches into
-    padded = resolution + 2 * around
-    start = lower - around * cell
-    middles = middle_distances(surface, start, cell, padded, depth)
-    near = may_be_near(middles, cell, depth)
+    padding = np.ceil(KERNEL_SUPPORT / cell).astype(int)  # cells around the box that the volume integral reaches
+    padded = resolution + 2 * padding
+    start = lower - padding * cell
+    center_distances = cell_center_distances(surface, start, cell, padded, depth)
+    near = near_surface(center_distances, cell, depth)
     if not near.any():
-        raise nothing_to_feel()
-    distances = lattice_distances(surface, start, cell, padded, middles, near)
-    volumes = solid_around(distances, cell / NODES_A_SIDE)
+        raise no_surface_error()
+    distances = lattice_distances(surface, start, cell, padded, center_distances, near)
+    volumes = boundary_volumes(distances, cell / STEPS_PER_CELL)
 
-    inside_box = indices_of(np.flatnonzero(near), padded) - around
-    inside_box = inside_box[((inside_box >= 0) & (inside_box < resolution)).all(axis=1)]
-    steps = NODES_A_SIDE * (inside_box[:, None] + around) + NODES_OF_CELL
-    places, nodes = each_once(np.ravel_multi_index(tuple(steps.reshape(-1, 3).T), distances.shape), distances.size)
+    cells = cell_coordinates(np.flatnonzero(near), padded) - padding
+    cells = cells[((cells >= 0) & (cells < resolution)).all(axis=1)]
+    steps = STEPS_PER_CELL * (cells[:, None] + padding) + CELL_NODES
+    lattice_indices, nodes = unique_with_inverse(
+        np.ravel_multi_index(tuple(steps.reshape(-1, 3).T), distances.shape), distances.size
+    )
     return VolumeMap(
         lower=np.asarray(lower, dtype=np.float64),
         cell=np.asarray(cell, dtype=np.float64),
         resolution=resolution,
-        kept=inside_box @ np.array([1, resolution[0], resolution[0] * resolution[1]]),
-        nodes=nodes.reshape(-1, len(NODES_OF_CELL)),
-        distances=distances.ravel()[places],
-        volumes=volumes.ravel()[places],
+        cells=cells @ np.array([1, resolution[0], resolution[0] * resolution[1]]),
+        cell_nodes=nodes.reshape(-1, len(CELL_NODES)),
+        distances=distances.ravel()[lattice_indices],
+        volumes=volumes.ravel()[lattice_indices],
     )
 
 
-def may_be_near(middles: np.ndarray, cell: np.ndarray, depth: float) -> np.ndarray:
-    """Which cells, by the distances at their middles, may have points near the surface.
+def near_surface(center_distances: np.ndarray, cell: np.ndarray, depth: float) -> np.ndarray:
+    """Which cells may contain points that need nodes, from the distances at the cell centers.
 
-    Whatever the distance at its middle, within a cell it changes by no more than the way to the corner.
+    Within a cell the distance differs from that at its center by at most half the cell's diagonal.
     """
-    reach = np.linalg.norm(cell) / 2
-    return (middles < KERNEL_SUPPORT + reach) & (middles > -depth - reach)
+    half_diagonal = np.linalg.norm(cell) / 2
+    return (center_distances < KERNEL_SUPPORT + half_diagonal) & (center_distances > -depth - half_diagonal)
 
 
-def middle_distances(
+def cell_center_distances(
     surface: Surface, start: np.ndarray, cell: np.ndarray, cells: np.ndarray, depth: float
 ) -> np.ndarray:
-    """The distance at the middle of every cell, x fastest; of cells that are far, at that of a block of cells.
+    """Distance at the center of each cell, x fastest. Cells far from the surface share that of a block of cells.
 
-    To ask of what is far takes a mesh longest.
+    Distance queries far from a mesh are its slowest.
     """
-    middles = np.zeros(int(cells.prod()))
-    inside = indices_of(np.arange(len(middles)), cells)
-    asked = np.ones(len(middles), dtype=bool)
+    distances = np.zeros(int(cells.prod()))
+    coordinates = cell_coordinates(np.arange(len(distances)), cells)
+    open_cells = np.ones(len(distances), dtype=bool)
     for size in (8, 4, 2, 1):
         blocks = -(-cells // size)
-        numbers, of = each_once(np.ravel_multi_index(tuple(inside[asked].T // size), blocks), int(blocks.prod()))
-        middle = np.stack(np.unravel_index(numbers, blocks), axis=1) + 0.5
-        middles[asked] = distance_at(surface, start + size * cell * middle)[of]
-        asked &= may_be_near(middles, size * cell, depth)
-    return middles
+        indices, inverse = unique_with_inverse(
+            np.ravel_multi_index(tuple(coordinates[open_cells].T // size), blocks), int(blocks.prod())
+        )
+        centers = np.stack(np.unravel_index(indices, blocks), axis=1) + 0.5
+        distances[open_cells] = signed_distances(surface, start + size * cell * centers)[inverse]
+        open_cells &= near_surface(distances, size * cell, depth)
+    return distances
 
 
-def each_once(numbers: np.ndarray, below: int) -> tuple[np.ndarray, np.ndarray]:
-    """All ``numbers`` (N,) from 0 to ``below``, each once and in order, and where each of the N is among them.
+def unique_with_inverse(indices: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """The sorted unique values of ``indices`` (N,), all below ``count``, and the place (N,) of each index among them.
 
-    What ``numpy.unique`` does, without sorting millions.
+    Same as ``numpy.unique(indices, return_inverse=True)``, without sorting millions of values.
     """
-    there = np.zeros(below, dtype=bool)
-    there[numbers] = True
-    return np.flatnonzero(there), (np.cumsum(there) - 1)[numbers]
+    present = np.zeros(count, dtype=bool)
+    present[indices] = True
+    return np.flatnonzero(present), (np.cumsum(present) - 1)[indices]
 
 
-def nothing_to_feel() -> InputError:
-    """The complaint about a surface that no particle can meet."""
+def no_surface_error() -> InputError:
+    """The error for a surface that no particle can reach."""
     return InputError("the surface has no point near the container; move it, or leave it out")
 
 
-def indices_of(numbers: np.ndarray, resolution: np.ndarray) -> np.ndarray:
-    """Column, row and layer (M, 3) of the cells ``numbers`` (M,) of a grid in which x runs fastest."""
-    z, y, x = np.unravel_index(numbers, tuple(resolution[::-1]))
+def cell_coordinates(indices: np.ndarray, resolution: np.ndarray) -> np.ndarray:
+    """Coordinates (M, 3) along x, y and z of the cells with ``indices`` (M,) in a grid where x varies fastest."""
+    z, y, x = np.unravel_index(indices, tuple(resolution[::-1]))
     return np.stack([x, y, z], axis=1)
 
 
-def distance_at(surface: Surface, points: np.ndarray) -> np.ndarray:
-    """Signed distances (N,) of ``points`` (N, 3)."""
-    parts = np.array_split(points.astype(np.float32), max(1, len(points) // CHUNK))
+def signed_distances(surface: Surface, points: np.ndarray) -> np.ndarray:
+    """Signed distances (N,) of ``points`` (N, 3), meters."""
+    parts = np.array_split(points.astype(np.float32), max(1, len(points) // QUERY_SIZE))
     with torch.no_grad():
         return np.concatenate([surface.distance(torch.from_numpy(part)).numpy() for part in parts])
 
 
 def lattice_distances(
-    surface: Surface, start: np.ndarray, cell: np.ndarray, cells: np.ndarray, middles: np.ndarray, near: np.ndarray
+    surface: Surface,
+    start: np.ndarray,
+    cell: np.ndarray,
+    cells: np.ndarray,
+    center_distances: np.ndarray,
+    near: np.ndarray,
 ) -> np.ndarray:
-    """Distances (X, Y, Z) on the lattice of all possible nodes, in cells that are ``near`` as the solver knows them.
+    """Distances (X, Y, Z) on the lattice of all possible nodes.
 
-    There they are exact at the nodes, and in between as cells interpolate: the surface is asked a quarter as often.
-    Elsewhere it is enough to know inside from outside, which the cell's middle tells.
+    In cells near the surface the nodes have exact distances and the lattice's other points interpolated ones, which
+    saves three quarters of the queries. Elsewhere the volume integral needs only the sign, and the lattice takes the
+    distance at the cell's center.
 
     Args:
         surface: the solid.
-        start: lowest corner of the grid.
+        start: lowest corner of the grid (3,), meters.
         cell: sides of a cell (3,), meters.
-        cells: how many along x, y and z.
-        middles: distance at the middle of every cell, x fastest.
-        near: whether the surface is close, for every cell.
+        cells: number of cells along x, y and z (3,).
+        center_distances: distance at the center of each cell, x fastest.
+        near: which cells are near the surface, x fastest.
     """
-    shape = NODES_A_SIDE * cells + 1
-    far = np.where(near, 0.0, middles).reshape(cells[::-1]).transpose(2, 1, 0)
+    shape = STEPS_PER_CELL * cells + 1
+    far = np.where(near, 0.0, center_distances).reshape(cells[::-1]).transpose(2, 1, 0)
     lattice = np.empty(shape, dtype=np.float32)
-    block = far.repeat(NODES_A_SIDE, 0).repeat(NODES_A_SIDE, 1).repeat(NODES_A_SIDE, 2)
-    lattice[:-1, :-1, :-1] = block
+    lattice[:-1, :-1, :-1] = far.repeat(STEPS_PER_CELL, 0).repeat(STEPS_PER_CELL, 1).repeat(STEPS_PER_CELL, 2)
     lattice[-1, :, :], lattice[:, -1, :], lattice[:, :, -1] = lattice[-2], lattice[:, -2], lattice[:, :, -2]
 
-    wanted = np.zeros(shape, dtype=bool)
-    corners = NODES_A_SIDE * indices_of(np.flatnonzero(near), cells)
-    for step in NODES_OF_CELL:
-        wanted[tuple((corners + step).T)] = True
-    lattice[wanted] = distance_at(surface, start + cell / NODES_A_SIDE * np.argwhere(wanted))
-    nodes = lattice[tuple((corners[:, None] + NODES_OF_CELL).reshape(-1, 3).T)].reshape(-1, len(NODES_OF_CELL))
-    others = nodes @ from_nodes_to_others().T.astype(np.float32)
-    lattice[tuple((corners[:, None] + OTHERS_OF_CELL).reshape(-1, 3).T)] = others.ravel()
+    is_node = np.zeros(shape, dtype=bool)
+    corners = STEPS_PER_CELL * cell_coordinates(np.flatnonzero(near), cells)
+    for step in CELL_NODES:
+        is_node[tuple((corners + step).T)] = True
+    lattice[is_node] = signed_distances(surface, start + cell / STEPS_PER_CELL * np.argwhere(is_node))
+    nodes = lattice[tuple((corners[:, None] + CELL_NODES).reshape(-1, 3).T)].reshape(-1, len(CELL_NODES))
+    others = nodes @ interpolation_matrix().T.astype(np.float32)
+    lattice[tuple((corners[:, None] + OTHER_POINTS).reshape(-1, 3).T)] = others.ravel()
     return lattice
 
 
-def solid_around(distances: np.ndarray, spacing: np.ndarray) -> np.ndarray:
-    """The volume (X, Y, Z) in m³ that the solver sees within a support radius of every lattice point.
+def boundary_volumes(distances: np.ndarray, spacing: np.ndarray) -> np.ndarray:
+    """The boundary volume (X, Y, Z) in m³ at each lattice point: the integral of γ over a ball of the kernel support.
 
-    Inside the solid counts whole; outside less and less, as the smoothing kernel falls off with the distance. The
-    points are ``spacing`` (3,) meters apart.
-    The integral over a ball is a product in Fourier space, where the ball is known in closed form.
+    The lattice points are ``spacing`` (3,) meters apart. The integral over a ball is a product in Fourier space, where
+    the ball has a closed form.
     """
     weight = extension(distances)
     reach = np.ceil(KERNEL_SUPPORT / spacing).astype(int)
-    # What lies beyond the lattice is like its edge, and the room must be wide enough for the ball not to wrap around.
+    # The padding repeats the edge of the lattice and keeps the ball from wrapping around.
     padded = np.pad(weight, reach[:, None], mode="edge")
     shape = [fft.next_fast_len(side, real=True) for side in padded.shape]
-    # Single precision is four times as fast as double, and off by a millionth of the largest volume.
+    # Single precision is four times as fast as double. Its error is a millionth of the largest volume.
     x, y = (2 * np.pi * fft.fftfreq(shape[axis], spacing[axis]).astype(np.float32) for axis in (0, 1))
     z = 2 * np.pi * fft.rfftfreq(shape[2], spacing[2]).astype(np.float32)
     frequency = np.sqrt(x[:, None, None] ** 2 + y[:, None] ** 2 + z**2)
     spectrum = fft.rfftn(padded, shape) * ball_spectrum(frequency)
-    whole = fft.irfftn(spectrum, shape)
+    convolved = fft.irfftn(spectrum, shape)
     inner = tuple(slice(before, before + side) for before, side in zip(reach, distances.shape, strict=True))
-    largest = 4 / 3 * np.pi * KERNEL_SUPPORT**3
-    return VOLUME_FACTOR * whole[inner].clip(0, largest)
+    ball = 4 / 3 * np.pi * KERNEL_SUPPORT**3
+    return VOLUME_FACTOR * convolved[inner].clip(0, ball)
 
 
 def extension(distances: np.ndarray) -> np.ndarray:
@@ -211,10 +218,10 @@ def extension(distances: np.ndarray) -> np.ndarray:
 
 
 def ball_spectrum(frequency: np.ndarray) -> np.ndarray:
-    """Fourier transform of a ball of the support radius at angular ``frequency`` (rad/m), in m³."""
-    reach = frequency * KERNEL_SUPPORT
-    # Of slow waves little is left of the difference, in single precision nothing: that would add a few hundredths of
-    # the ball to every volume.
-    whole = np.maximum(reach, SLOW)
-    share = np.where(reach < SLOW, 1 / 3 - reach**2 / 30, (np.sin(whole) - whole * np.cos(whole)) / whole**3)
-    return 4 * np.pi * KERNEL_SUPPORT**3 * share
+    """Fourier transform of a ball of the kernel support at angular ``frequency`` (rad/m), in m³."""
+    phase = frequency * KERNEL_SUPPORT
+    # At low frequencies the difference cancels in single precision, which would add a few hundredths of the ball to
+    # every volume. The series replaces it there.
+    clipped = np.maximum(phase, SERIES_LIMIT)
+    closed_form = (np.sin(clipped) - clipped * np.cos(clipped)) / clipped**3
+    return 4 * np.pi * KERNEL_SUPPORT**3 * np.where(phase < SERIES_LIMIT, 1 / 3 - phase**2 / 30, closed_form)
