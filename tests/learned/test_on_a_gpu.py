@@ -1,4 +1,4 @@
-"""That everything is on one device; see pretended_gpu.py for what this can tell."""
+"""Everything is on one device; simulated_gpu.py says what these tests can find."""
 
 from pathlib import Path
 
@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 import torch
 
-from surfsup.io.output_folder import count_strays
+from surfsup.io.output_folder import count_penetrations
 from surfsup.learned import weights_file
 from surfsup.learned.registry import KINDS
 from surfsup.scene import Scene
 from surfsup.simulation import simulate
 from surfsup.sph.simulator import Simulator
 from surfsup.sph.state import Environment
-from tests.learned.pretended_gpu import pretended_gpu
+from tests.learned.simulated_gpu import simulated_gpu
 
 KNOT = Path(__file__).parents[2] / "examples" / "knot.obj"
 TERRAIN = "TERRAIN"  # stands for a file
@@ -33,7 +33,7 @@ SURFACES = {
     "siren": "{siren: {file: coral, fit: 0.4}}",
     "deepsdf": "{deepsdf: {file: chairs, shape: chair-0100, fit: 0.4}, at: [0, 0, 0.2]}",
 }
-FRAMES = 12  # the water has come down on the solid
+FRAMES = 12  # the water has struck the surface
 
 
 def scene(surface: str) -> Scene:
@@ -47,44 +47,44 @@ def model_of(kind: str) -> Simulator:
 
 
 def rollout(poured: Scene, device: str) -> list[np.ndarray]:
-    """By the default model; after each frame the surface is asked where it was built, as the command line asks."""
+    """The frames of the default simulator; each is checked against the surface on the CPU, as the command line does."""
     solid, (model, _) = poured.build_surface(), weights_file.load(weights_file.find(weights_file.DEFAULT_MODEL))
     frames = []
-    for positions, _ in simulate(model, poured, solid, poured.start(solid), device):
-        assert count_strays(poured.container, solid, positions) == (0, 0)
+    for positions, _ in simulate(model, poured, solid, poured.initial_particles(solid), device):
+        assert count_penetrations(poured.container, solid, positions) == (0, 0)
         frames.append(positions)
     return frames
 
 
 @pytest.mark.parametrize("surface", SURFACES)
-def test_the_default_model_on_any_surface(surface, tmp_path):
+def test_the_default_simulator_on_any_surface(surface, tmp_path):
     terrain = tmp_path / "terrain.npy"
     np.save(terrain, np.outer(*2 * [np.hanning(20)]))
     poured = scene(SURFACES[surface].replace(TERRAIN, str(terrain)))
     with torch.no_grad():
         expected = rollout(poured, "cpu")
-        with pretended_gpu() as gpu:
+        with simulated_gpu() as gpu:
             found = rollout(poured, str(gpu))
-    # A millimeter: from the strike on rounding grows.
+    # Rounding errors grow from the impact on, to less than a millimeter.
     np.testing.assert_allclose(np.stack(found), np.stack(expected), atol=1e-3, rtol=0)
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_every_kind_of_model_and_its_gradients(kind):
+def test_every_learned_simulator_and_its_gradients(kind):
     poured = scene(SURFACES["ball"])
 
     def run(device: str) -> tuple[torch.Tensor, list[torch.Tensor]]:
         model, environment = model_of(kind).to(device), Environment.of(poured, poured.build_surface(), device)
-        start = poured.start(poured.build_surface())
+        start = poured.initial_particles(poured.build_surface())
         positions = torch.from_numpy(start.positions - [0, 0, 0.05]).float().to(device)
-        state = model.start(positions, torch.from_numpy(start.particle_velocities).to(device), environment)
+        state = model.start(positions, torch.from_numpy(start.velocities).to(device), environment)
         after, _ = model.step(state, environment)
         torch.autograd.backward(after.velocities.square().sum())
         gradients = [weight.grad.cpu() for weight in model.parameters() if weight.grad is not None]
         return after.positions.detach().cpu(), gradients
 
     positions, gradients = run("cpu")
-    with pretended_gpu() as gpu:
+    with simulated_gpu() as gpu:
         on_gpu = run(str(gpu))
     torch.testing.assert_close(on_gpu[0], positions, atol=1e-6, rtol=0)
     assert len(gradients) == len(on_gpu[1]) > 0
@@ -92,8 +92,8 @@ def test_every_kind_of_model_and_its_gradients(kind):
         torch.testing.assert_close(ours, theirs, atol=1e-5 + 1e-4 * float(theirs.abs().max()), rtol=0)
 
 
-def test_the_pretence_finds_what_is_on_the_wrong_device():
-    with pretended_gpu() as gpu:
+def test_the_simulated_gpu_finds_tensors_on_the_wrong_device():
+    with simulated_gpu() as gpu:
         there = torch.ones(3, device=gpu)
         assert there.device == gpu and there.cpu().device.type == "cpu" and (there * 2).device == gpu
         with pytest.raises(RuntimeError, match="the same device"):

@@ -15,32 +15,34 @@ def scene(container="[1, 1, 2]", gravity="[0, 0, -9.81]", velocity="[0, 0, 0]", 
     )
 
 
-SEEN = TrainingDomain.of(scene(), 1000, 5.0).joined(
-    TrainingDomain.of(scene("[1, 1.5, 2]", surface="{box: {size: [1, 1, 1]}}"), 3000, 4.0)
+DOMAIN = TrainingDomain.from_scene(scene(), 1000, 5.0).union(
+    TrainingDomain.from_scene(scene("[1, 1.5, 2]", surface="{box: {size: [1, 1, 1]}}"), 3000, 4.0)
 )
 
 
-def test_ranges_hold_all_that_was_seen():
-    assert SEEN.sides == (1, 1.5)
-    assert SEEN.heights == (2, 2)
-    assert SEEN.particles == (1000, 3000)
-    assert SEEN.surfaces == ("box", "sphere")
-    assert SEEN.gravity == (9.81, 9.81)
-    assert (SEEN.tilt, SEEN.fastest) == (0, 5)
-    assert SEEN.joined(SEEN) == SEEN
+def test_ranges_contain_all_training_data():
+    assert DOMAIN.sides == (1, 1.5)
+    assert DOMAIN.heights == (2, 2)
+    assert DOMAIN.particles == (1000, 3000)
+    assert DOMAIN.surfaces == ("box", "sphere")
+    assert DOMAIN.gravity == (9.81, 9.81)
+    assert (DOMAIN.max_tilt, DOMAIN.max_speed) == (0, 5)
+    assert DOMAIN.union(DOMAIN) == DOMAIN
 
 
-def test_it_survives_the_way_through_json():
-    assert TrainingDomain.from_json(json.loads(json.dumps(asdict(SEEN)))) == SEEN
-
-
-@pytest.mark.parametrize("like", [scene(), scene("[1.5, 1, 2]"), scene("[1.2, 1.3, 2]"), scene(velocity="[0, 4, -3]")])
-def test_a_scene_like_those_seen_needs_no_warning(like):
-    assert SEEN.warning(like) is None
+def test_json_restores_the_domain():
+    assert TrainingDomain.from_json(json.loads(json.dumps(asdict(DOMAIN)))) == DOMAIN
 
 
 @pytest.mark.parametrize(
-    ("unlike", "said"),
+    "similar", [scene(), scene("[1.5, 1, 2]"), scene("[1.2, 1.3, 2]"), scene(velocity="[0, 4, -3]")]
+)
+def test_a_scene_inside_the_domain_has_no_warning(similar):
+    assert DOMAIN.warning(similar) is None
+
+
+@pytest.mark.parametrize(
+    ("other", "difference"),
     [
         (scene("[2, 1, 2]"), "a container of 2 x 1 x 2 m"),
         (scene("[1, 1, 1]"), "a container of 1 x 1 x 1 m"),
@@ -49,21 +51,21 @@ def test_a_scene_like_those_seen_needs_no_warning(like):
         (scene(velocity="[0, 0, -8]"), "water at 8 m/s"),
     ],
 )
-def test_one_unlike_them_is_told_with_what_was_seen(unlike, said):
-    warning = SEEN.warning(unlike)
-    assert f"the weights were not trained for {said};" in warning
-    assert "Training saw containers 1 to 1.5 m wide and 2 m high, 1000 to 3000 particles" in warning
+def test_a_warning_names_the_difference_and_the_training_data(other, difference):
+    warning = DOMAIN.warning(other)
+    assert f"the weights were not trained for {difference};" in warning
+    assert "Training data: containers 1 to 1.5 m wide and 2 m high, 1000 to 3000 particles" in warning
     assert "\n" not in warning
 
 
-def test_other_particles_than_those_seen_are_told():
-    other = TrainingDomain(**{**asdict(SEEN), "radius": 0.01, "frame_time": 0.01})
+def test_a_warning_names_other_particles_and_frame_times():
+    other = TrainingDomain(**{**asdict(DOMAIN), "radius": 0.01, "frame_time": 0.01})
     assert "particles of radius 0.015 m, frames of 0.005 s; expect" in other.warning(scene())
 
 
-def test_a_solid_of_a_kind_that_was_not_seen_is_told_apart():
+def test_a_surface_of_an_unknown_kind_is_reported_separately():
     cone = scene(surface="{cone: {height: 0.2, bottom_radius: 0.1}}")
-    assert SEEN.unlike_solid(scene()) == []
-    assert SEEN.unlike_solid(cone) == ["a solid of kind 'cone'"]
-    assert SEEN.unlike_solid(scene(surface="null")) == ["a container without a solid"]
-    assert SEEN.warning(cone) is None
+    assert DOMAIN.unknown_surface(scene()) == []
+    assert DOMAIN.unknown_surface(cone) == ["a surface of kind 'cone'"]
+    assert DOMAIN.unknown_surface(scene(surface="null")) == ["a container without a surface"]
+    assert DOMAIN.warning(cone) is None

@@ -32,7 +32,7 @@ def header(**changes: str) -> dict[str, str]:
     return {"format": weights_file.FORMAT, "architecture": sizes, "card": card, **changes}
 
 
-def complaint(path: Path) -> str:
+def error_of(path: Path) -> str:
     with pytest.raises(InputError) as error:
         weights_file.load(path)
     assert "\n" not in str(error.value)
@@ -40,7 +40,7 @@ def complaint(path: Path) -> str:
     return str(error.value)
 
 
-def test_weights_come_back_bit_for_bit_with_their_architecture_and_card(path, simulator):
+def test_weights_are_restored_bit_for_bit_with_architecture_and_card(path, simulator):
     loaded, card = weights_file.load(path)
     assert loaded.architecture == ARCHITECTURE
     assert card == weights_file.Card("a name", "about it")
@@ -51,21 +51,21 @@ def test_weights_come_back_bit_for_bit_with_their_architecture_and_card(path, si
     assert not any(parameter.requires_grad for parameter in loaded.parameters())
 
 
-def test_saving_again_replaces_the_file_and_leaves_no_other(path, simulator):
+def test_saving_again_replaces_the_file_and_leaves_no_partial_one(path, simulator):
     weights_file.save(path, simulator, weights_file.Card("another", ""))
     assert weights_file.load(path)[1].name == "another"
     assert [entry.name for entry in path.parent.iterdir()] == [path.name]
 
 
 @pytest.mark.parametrize("share", [0.0, 0.001, 0.3, 0.99])
-def test_a_file_cut_off_is_one_line(path, share):
+def test_a_truncated_file_is_refused_in_one_line(path, share):
     path.write_bytes(path.read_bytes()[: int(share * path.stat().st_size)])
-    assert "cut off" in complaint(path)
+    assert "truncated" in error_of(path)
 
 
-def test_a_missing_file_or_a_folder_is_one_line(tmp_path):
-    assert "no such weights file" in complaint(tmp_path / "absent.safetensors")
-    assert "no such weights file" in complaint(tmp_path)
+def test_a_missing_file_or_a_folder_is_refused_in_one_line(tmp_path):
+    assert "no such weights file" in error_of(tmp_path / "absent.safetensors")
+    assert "no such weights file" in error_of(tmp_path)
 
 
 class Bomb:
@@ -73,24 +73,30 @@ class Bomb:
         return (Path.touch, (Path(self.mark),))
 
 
-def test_nothing_is_ever_unpickled(tmp_path):
+def test_nothing_is_unpickled(tmp_path):
     bomb = Bomb()
     bomb.mark = str(tmp_path / "exploded")
     for name, write in (("pickle", pickle.dump), ("torch", torch.save)):
         path = tmp_path / f"{name}.safetensors"
         with path.open("wb") as file:
             write({"weights": bomb}, file)
-        assert "pickled weights are refused" in complaint(path)
+        assert "pickled weights are refused" in error_of(path)
     assert not (tmp_path / "exploded").exists()
     with (tmp_path / "pickle.safetensors").open("rb") as file:
         pickle.load(file)
-    assert (tmp_path / "exploded").exists(), "the bomb was a real one"
+    assert (tmp_path / "exploded").exists(), "the pickle is a working bomb"
 
 
 @pytest.mark.parametrize("metadata", [None, {}, {"format": "another-program-7"}])
-def test_a_file_of_another_format_is_named(path, metadata):
+def test_a_file_of_another_program_is_refused(path, metadata):
     save_file(load_file(path), path, metadata=metadata)
-    assert "not weights of a simulator of this version" in complaint(path)
+    assert "not weights of a simulator" in error_of(path)
+
+
+def test_weights_of_another_version_are_refused_with_a_remedy(path):
+    save_file(load_file(path), path, metadata=header(format="surfsup-simulator-4"))
+    message = error_of(path)
+    assert "'surfsup-simulator-4' of another version" in message and "train the model again" in message
 
 
 @pytest.mark.parametrize(
@@ -110,21 +116,21 @@ def test_a_file_of_another_format_is_named(path, metadata):
         {"architecture": '{"width": 8, "layers": 3, "radius": -1.0}'},
         {"card": "{}"},
         {"card": "7"},
-        {"card": '{"name": "a", "about": "b", "seen": 7}'},
-        {"card": '{"name": "a", "about": "b", "seen": {"sides": [1, 2]}}'},
+        {"card": '{"name": "a", "about": "b", "training_domain": 7}'},
+        {"card": '{"name": "a", "about": "b", "training_domain": {"sides": [1, 2]}}'},
     ],
 )
-def test_a_header_that_does_not_fit_is_one_line(path, changes):
+def test_a_header_that_does_not_fit_is_refused_in_one_line(path, changes):
     save_file(load_file(path), path, metadata=header(**changes))
-    assert "do not fit" in complaint(path)
+    assert "do not fit" in error_of(path)
 
 
-def test_a_header_without_its_parts_is_one_line(path):
+def test_a_header_without_its_entries_is_refused_in_one_line(path):
     save_file(load_file(path), path, metadata={"format": weights_file.FORMAT})
-    assert "do not fit" in complaint(path)
+    assert "do not fit" in error_of(path)
 
 
-def test_tensors_of_another_shape_or_number_are_one_line(path):
+def test_tensors_of_another_shape_or_number_are_refused_in_one_line(path):
     tensors = load_file(path)
     name = next(iter(tensors))
     for spoiled in (
@@ -134,10 +140,10 @@ def test_tensors_of_another_shape_or_number_are_one_line(path):
         {},
     ):
         save_file(spoiled, path, metadata=header())
-        assert "do not fit" in complaint(path)
+        assert "do not fit" in error_of(path)
 
 
-def test_a_model_is_found_by_the_name_it_ships_under_or_by_its_file(path, monkeypatch):
+def test_a_model_is_found_by_its_name_or_by_its_file(path, monkeypatch):
     monkeypatch.setattr(weights_file, "shipped", lambda: {"fast": Path("the/shipped/one")})
     assert weights_file.find("fast") == Path("the/shipped/one")
     assert weights_file.find(str(path)) == path
@@ -145,7 +151,7 @@ def test_a_model_is_found_by_the_name_it_ships_under_or_by_its_file(path, monkey
         weights_file.find("secnd")
 
 
-def test_what_ships_loads():
+def test_all_shipped_weights_load():
     for name, path in weights_file.shipped().items():
         _, card = weights_file.load(path)
         assert card.about, name

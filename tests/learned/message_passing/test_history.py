@@ -4,7 +4,7 @@ import torch
 from surfsup.learned.message_passing.history import History
 from surfsup.learned.message_passing.noise import add_random_walk
 from surfsup.learned.message_passing.normalizer import Normalizer, RunningStatistics
-from surfsup.sph.state import SUBSTEPS, SUBSTEP_TIME
+from surfsup.sph.state import SUBSTEP_TIME, SUBSTEPS
 from tests.learned.message_passing.scenes import GRAVITY, water
 
 

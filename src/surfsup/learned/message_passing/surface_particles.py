@@ -43,7 +43,7 @@ def poisson_disk(surface: Surface, count: int, seed: int) -> np.ndarray:
 
     Farthest-point sampling (Eldar et al. 1997) of points drawn uniformly by area: each new point is the candidate
     farthest from all points before it. If the last one was at distance r, no two points are nearer than r and no
-    candidate is farther than r from a point: a maximal Poisson-disk sample.
+    candidate is more than r away from a point: a maximal Poisson-disk sample.
 
     Raises:
         InputError: the surface has no triangles.
