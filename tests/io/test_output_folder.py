@@ -10,7 +10,7 @@ from surfsup.scene import Scene
 from surfsup.sdf import Sphere
 
 SCENE = Scene.from_yaml("frames: 12\nfluid: [{block: {min: [0, 0, 1], max: [0.1, 0.1, 1.1]}}]", "test")
-START = SCENE.start(None)
+START = SCENE.initial_particles(None)
 COUNT = len(START.positions)
 
 
@@ -22,18 +22,18 @@ def frames(number=12, stop=None):
 
 
 def record(folder, source, surface=None):
-    told = []
+    reported = []
     summary = folder.record(
-        SCENE, surface, START, source, Provenance("a test", 7), "cpu", lambda *now: told.append(now)
+        SCENE, surface, source, Provenance("a test", 7), "cpu", lambda *progress: reported.append(progress)
     )
-    return summary, told
+    return summary, reported
 
 
-def test_the_frames_the_summary_and_the_progress_agree(tmp_path):
+def test_frames_and_summary_and_progress_agree(tmp_path):
     folder = OutputFolder(tmp_path / "new" / "out", COUNT, 12)
-    summary, told = record(folder, frames())
+    summary, reported = record(folder, frames())
     assert (summary.frames, summary.particles) == (12, COUNT)
-    assert told == [(done, 12) for done in range(1, 13)]
+    assert reported == [(done, 12) for done in range(1, 13)]
     written = json.loads(folder.summary.read_text())
     assert written["model"] == "a test"
     assert {"seconds", "ms_per_frame", "penetrations", "out_of_container", "device", "version"} <= set(written)
@@ -43,17 +43,17 @@ def test_the_frames_the_summary_and_the_progress_agree(tmp_path):
 
 
 def test_particles_in_the_solid_and_out_of_the_container_are_counted(tmp_path):
-    def strays():
+    def frames_with_penetrations():
         for positions, velocities in frames(3):
             positions = positions.copy()
             positions[0], positions[1] = (0, 0, 0), (0.6, 0, 1)
             yield positions, velocities
 
-    summary, _ = record(OutputFolder(tmp_path, COUNT, 12), strays(), Sphere(0.1))
+    summary, _ = record(OutputFolder(tmp_path, COUNT, 12), frames_with_penetrations(), Sphere(0.1))
     assert (summary.penetrations, summary.out_of_container) == (3, 3)
 
 
-def test_an_interrupt_leaves_the_frames_done(tmp_path):
+def test_an_interrupt_keeps_the_finished_frames(tmp_path):
     folder = OutputFolder(tmp_path, COUNT, 12)
     with pytest.raises(KeyboardInterrupt):
         record(folder, frames(stop=5))
@@ -62,7 +62,7 @@ def test_an_interrupt_leaves_the_frames_done(tmp_path):
     assert json.loads(folder.summary.read_text())["frames"] == 5
 
 
-def test_a_folder_that_cannot_be_used_is_refused(tmp_path):
+def test_an_unusable_folder_is_an_error(tmp_path):
     taken = tmp_path / "file"
     taken.write_text("mine")
     with pytest.raises(InputError, match="cannot be used as the output folder"):
@@ -70,13 +70,13 @@ def test_a_folder_that_cannot_be_used_is_refused(tmp_path):
     assert taken.read_text() == "mine"
 
 
-def test_what_cannot_end_is_not_started(tmp_path):
+def test_a_trajectory_larger_than_the_disk_is_an_error_before_the_simulation(tmp_path):
     with pytest.raises(InputError, match="MB are free; give fewer --frames"):
         OutputFolder(tmp_path / "new", 1_000_000_000, 1_000_000)
     assert not (tmp_path / "new").exists()
 
 
-def test_a_trajectory_that_cannot_be_written_is_said_in_one_line(tmp_path):
+def test_an_unwritable_trajectory_is_an_error_of_one_line(tmp_path):
     folder = OutputFolder(tmp_path / "out", COUNT, 12)
     folder.trajectory.mkdir(parents=True)  # a folder where the file should go
     with pytest.raises(InputError, match="cannot be written"):

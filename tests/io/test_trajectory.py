@@ -28,7 +28,7 @@ SCENE = Scene.from_yaml(
 
 
 def frames(count: int, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
-    """Positions, and velocities of whole steps of what is kept of them."""
+    """Random positions, and velocities that are multiples of VELOCITY_STEP."""
     positions, velocities = np.random.default_rng(seed).normal(size=(2, count, PARTICLES, 3))
     return positions.astype(np.float32), (np.round(velocities / VELOCITY_STEP) * VELOCITY_STEP).astype(np.float32)
 
@@ -56,7 +56,7 @@ def test_frames_are_read_back_exactly(tmp_path, count):
         assert trajectory.provenance == Provenance("a model", 7, __version__)
 
 
-def test_the_layout_is_what_other_programs_rely_on(tmp_path):
+def test_the_layout_is_the_one_that_other_programs_read(tmp_path):
     write(tmp_path / "a.h5", 10)
     with h5py.File(tmp_path / "a.h5") as file:
         assert set(file) == {"00000"}
@@ -74,19 +74,19 @@ def test_the_layout_is_what_other_programs_rely_on(tmp_path):
         assert (file.attrs["frame_time"], file.attrs["radius"]) == (0.005, 0.015)
 
 
-def test_the_same_frames_make_the_same_bytes(tmp_path):
+def test_equal_frames_give_equal_bytes(tmp_path):
     write(tmp_path / "a.h5", 20)
     write(tmp_path / "b.h5", 20)
     assert (tmp_path / "a.h5").read_bytes() == (tmp_path / "b.h5").read_bytes()
 
 
-@pytest.mark.parametrize(("named", "found"), [("runs/knot.obj", "elsewhere"), ("meshes/knot.obj", ".")])
-def test_a_trajectory_can_move_with_the_meshes_beside_it_or_without_those_elsewhere(tmp_path, named, found):
+@pytest.mark.parametrize("mesh", ["runs/knot.obj", "meshes/knot.obj"])
+def test_a_trajectory_can_move_with_the_meshes_in_its_folder_and_without_others(tmp_path, mesh):
     (tmp_path / "scene.yaml").write_text(
-        f"surface: {{mesh: {{file: {named}}}}}\nfluid: [{{block: {{min: [0, 0, 1], max: [0.1, 0.1, 1.2]}}}}]"
+        f"surface: {{mesh: {{file: {mesh}}}}}\nfluid: [{{block: {{min: [0, 0, 1], max: [0.1, 0.1, 1.2]}}}}]"
     )
-    (tmp_path / named).parent.mkdir()
-    shutil.copy("examples/knot.obj", tmp_path / named)
+    (tmp_path / mesh).parent.mkdir()
+    shutil.copy("examples/knot.obj", tmp_path / mesh)
     folder = tmp_path / "runs"
     folder.mkdir(exist_ok=True)
     with TrajectoryWriter(folder / "a.h5", Scene.load(tmp_path / "scene.yaml"), Provenance("a model"), PARTICLES):
@@ -96,7 +96,7 @@ def test_a_trajectory_can_move_with_the_meshes_beside_it_or_without_those_elsewh
         assert trajectory.scene.build_surface() is not None
 
 
-def test_velocities_are_kept_as_finely_as_positions_tell_them(tmp_path):
+def test_velocities_are_rounded_to_the_velocity_step(tmp_path):
     positions, velocities = np.random.default_rng(1).normal(size=(2, 3, PARTICLES, 3)).astype(np.float32)
     with writer(tmp_path / "a.h5") as out:
         for frame in zip(positions, velocities, strict=True):
@@ -107,7 +107,7 @@ def test_velocities_are_kept_as_finely_as_positions_tell_them(tmp_path):
 
 
 @pytest.mark.parametrize(("first", "count"), [(0, 1), (0, 13), (1, 6), (2, 6), (12, 1), (11, 2), (3, 0)])
-def test_a_window_is_what_hdf5_reads(tmp_path, first, count):
+def test_a_window_equals_what_hdf5_reads(tmp_path, first, count):
     positions, velocities = write(tmp_path / "a.h5", 13)
     with Trajectory(tmp_path / "a.h5") as trajectory:
         window = trajectory.window(first, count)
@@ -115,7 +115,7 @@ def test_a_window_is_what_hdf5_reads(tmp_path, first, count):
         np.testing.assert_array_equal(window[1], velocities[first : first + count])
 
 
-def test_a_window_of_a_file_that_another_program_packed_is_read_as_well(tmp_path):
+def test_a_window_of_a_file_from_another_program_is_read(tmp_path):
     positions, velocities = write(tmp_path / "a.h5", 13)
     with h5py.File(tmp_path / "a.h5", "a") as file:
         for name in ("position", "velocity"):
@@ -127,7 +127,7 @@ def test_a_window_of_a_file_that_another_program_packed_is_read_as_well(tmp_path
         np.testing.assert_array_equal(trajectory.window(2, 6)[1], velocities[2:8])
 
 
-def test_the_buffer_of_a_frame_may_be_used_again(tmp_path):
+def test_the_caller_may_reuse_the_buffer_of_a_frame(tmp_path):
     buffer = np.zeros((PARTICLES, 3))
     with writer(tmp_path / "a.h5") as out:
         for number in range(3):
@@ -138,7 +138,7 @@ def test_the_buffer_of_a_frame_may_be_used_again(tmp_path):
         np.testing.assert_array_equal(trajectory.velocities[:, 0, 0], [0, -1, -2])
 
 
-def test_a_frame_of_another_size_is_refused_and_those_before_are_kept(tmp_path):
+def test_a_frame_of_another_size_is_an_error_that_keeps_the_earlier_frames(tmp_path):
     positions, velocities = frames(3)
     with pytest.raises(ValueError, match="a frame is of shape"), writer(tmp_path / "a.h5") as out:
         out.append(positions[0], velocities[0])
@@ -149,7 +149,7 @@ def test_a_frame_of_another_size_is_refused_and_those_before_are_kept(tmp_path):
 
 @pytest.mark.parametrize("kind", [RuntimeError, KeyboardInterrupt])
 @pytest.mark.parametrize("done", [3, FRAMES_PER_FLUSH, FRAMES_PER_FLUSH + 5])
-def test_an_error_or_interrupt_leaves_the_frames_done(tmp_path, kind, done):
+def test_an_error_or_interrupt_keeps_the_finished_frames(tmp_path, kind, done):
     positions, velocities = frames(done)
     with pytest.raises(kind), writer(tmp_path / "a.h5") as out:
         for frame in zip(positions, velocities, strict=True):
@@ -160,7 +160,7 @@ def test_an_error_or_interrupt_leaves_the_frames_done(tmp_path, kind, done):
         np.testing.assert_array_equal(trajectory.velocities[:], velocities)
 
 
-def test_an_interrupt_in_the_middle_of_writing_doubles_nothing(tmp_path, monkeypatch):
+def test_an_interrupt_while_writing_duplicates_no_frame(tmp_path, monkeypatch):
     positions, velocities = frames(FRAMES_PER_FLUSH)
     write_values = module.write_chunks
     interrupted = []
@@ -181,7 +181,7 @@ def test_an_interrupt_in_the_middle_of_writing_doubles_nothing(tmp_path, monkeyp
         np.testing.assert_array_equal(trajectory.velocities[:], velocities)
 
 
-def spoil(path: Path, how: str) -> None:
+def damage(path: Path, how: str) -> None:
     if how == "absent":
         path.unlink()
     elif how == "a folder":
@@ -233,17 +233,17 @@ def spoil(path: Path, how: str) -> None:
         "scene of nonsense",
     ],
 )
-def test_what_is_no_trajectory_is_refused_in_one_line(tmp_path, how):
+def test_anything_but_a_trajectory_is_an_error_of_one_line(tmp_path, how):
     path = tmp_path / "a.h5"
     write(path, 3)
-    spoil(path, how)
+    damage(path, how)
     with pytest.raises(InputError) as error:
         Trajectory(path)
     assert "\n" not in str(error.value)
     assert str(path) in str(error.value)
 
 
-def test_a_file_that_cannot_be_made_is_refused_in_one_line(tmp_path):
+def test_an_unwritable_file_is_an_error_of_one_line(tmp_path):
     for path in (tmp_path / "no" / "folder" / "a.h5", tmp_path):
         with pytest.raises(InputError, match="cannot be written") as error:
             writer(path)
@@ -279,18 +279,18 @@ def small_disk(tmp_path):
     subprocess.run(["umount", disk], check=True)
 
 
-def test_a_disk_that_fills_up_is_one_line_and_the_frames_before_stay_readable(small_disk):
+def test_a_full_disk_is_an_error_of_one_line_and_earlier_frames_stay_readable(small_disk):
     assert_full_disk_is_one_line(small_disk / "a.h5")
 
 
-def test_the_same_where_no_small_disk_can_be_made(tmp_path, monkeypatch):
+def test_a_simulated_full_disk_is_the_same_error(tmp_path, monkeypatch):
     usage = shutil.disk_usage(tmp_path)
     free = iter([10**9, 10**9, 10**9, 0])
     monkeypatch.setattr(shutil, "disk_usage", lambda _: usage._replace(free=next(free, 0)))
     assert_full_disk_is_one_line(tmp_path / "a.h5")
 
 
-def test_a_full_disk_does_not_hide_the_error_before_it(tmp_path, monkeypatch):
+def test_a_full_disk_does_not_hide_an_earlier_error(tmp_path, monkeypatch):
     with pytest.raises(ZeroDivisionError), writer(tmp_path / "a.h5", particles=500) as out:
         fill(out, 3)
         usage = shutil.disk_usage(tmp_path)
@@ -298,13 +298,13 @@ def test_a_full_disk_does_not_hide_the_error_before_it(tmp_path, monkeypatch):
         raise ZeroDivisionError
 
 
-def test_frames_are_read_without_what_they_are_of(tmp_path):
+def test_frames_are_read_without_a_readable_scene(tmp_path):
     positions, velocities = write(tmp_path / "a.h5", 6)
     with h5py.File(tmp_path / "a.h5", "a") as file:
-        file.attrs["scene"] = "a scene that nobody can read"
-    with TrajectoryFrames(tmp_path / "a.h5") as found:
-        assert len(found) == 6
-        for one, other in zip(found.window(2, 3), (positions, velocities), strict=True):
+        file.attrs["scene"] = "an unreadable scene"
+    with TrajectoryFrames(tmp_path / "a.h5") as trajectory:
+        assert len(trajectory) == 6
+        for one, other in zip(trajectory.window(2, 3), (positions, velocities), strict=True):
             np.testing.assert_array_equal(one, other[2:5])
     with pytest.raises(InputError, match="scene"):
         Trajectory(tmp_path / "a.h5")

@@ -3,16 +3,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from surfsup.errors import InputError
 from surfsup.scene import SPACING, Block
-from surfsup.scene.fluid import particles_along
+from surfsup.scene.fluid import lattice_sites
 
 
 @pytest.mark.parametrize(
     ("size", "count"), [(0.06, 1), (0.0899, 1), (0.09, 2), (0.3, 9), (0.4, 12), (0.45, 14), (0.5, 15)]
 )
-def test_a_side_holds_one_place_fewer_than_whole_spacings(size, count):
-    assert particles_along(0.0, size) == count
-    assert particles_along(-size / 2, size / 2) == count
+def test_a_side_has_one_lattice_site_fewer_than_whole_spacings(size, count):
+    assert lattice_sites(0.0, size) == count
+    assert lattice_sites(-size / 2, size / 2) == count
 
 
 def test_the_lattice_starts_one_spacing_inside_the_block():
@@ -25,12 +26,33 @@ def test_the_lattice_starts_one_spacing_inside_the_block():
     assert len(positions) == 2 * 1 * 3
 
 
-places = st.floats(-5, 5)
+def test_a_block_takes_its_corners_by_position():
+    block = Block((-0.1, -0.1, 0.5), (0.1, 0.1, 0.7), velocity=(0, 0, -1))
+    assert block == Block(min=(-0.1, -0.1, 0.5), max=(0.1, 0.1, 0.7), velocity=(0.0, 0.0, -1.0))
+    assert Block((-0.1, -0.1, 0.5), (0.1, 0.1, 0.7)).velocity == (0.0, 0.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("maximum", "message"),
+    [
+        ((1.0, 1.0, 0.05), "Block: block is 0.05 m thick along z"),
+        ((1.0, 1.0, float("nan")), "Block: max.2: Input should be a finite number"),
+        ((1.0, 1.0), "Block: max.2: Field required"),
+    ],
+)
+def test_an_invalid_block_is_an_error_of_one_line(maximum, message):
+    with pytest.raises(InputError) as error:
+        Block((0.0, 0.0, 0.0), maximum)
+    assert str(error.value).startswith(message)
+    assert "\n" not in str(error.value)
+
+
+coordinates = st.floats(-5, 5)
 sides = st.floats(2.01 * SPACING, 0.4)
 
 
-@given(st.tuples(places, places, places), st.tuples(sides, sides, sides))
-def test_particles_are_a_radius_from_the_blocks_faces_and_a_spacing_apart(low, size):
+@given(st.tuples(coordinates, coordinates, coordinates), st.tuples(sides, sides, sides))
+def test_particles_are_a_spacing_apart_and_a_spacing_inside_the_block(low, size):
     high = tuple(a + b for a, b in zip(low, size, strict=True))
     block = Block(min=low, max=high)
     positions = block.positions()

@@ -20,7 +20,7 @@ def assert_same_distance(one: sdf.Surface, other: sdf.Surface) -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "by_hand"),
+    ("text", "expected"),
     [
         ("{sphere: {radius: 0.3}}", sdf.Sphere(0.3)),
         ("{box: {size: [0.2, 0.3, 0.4]}}", sdf.Box((0.2, 0.3, 0.4))),
@@ -33,13 +33,13 @@ def assert_same_distance(one: sdf.Surface, other: sdf.Surface) -> None:
         ("{funnel: {capture_radius: 0.3, filter_radius: 0.1}}", sdf.Funnel(0.3, 0.1, 0.25, 0.1, 0.04)),
     ],
 )
-def test_every_kind_is_the_surface_of_that_name(text, by_hand):
+def test_every_kind_builds_its_surface(text, expected):
     shape = built(text)
-    assert type(shape) is type(by_hand)
-    assert_same_distance(shape, by_hand)
+    assert type(shape) is type(expected)
+    assert_same_distance(shape, expected)
 
 
-def test_a_heightfield_is_read_from_where_the_scene_lies(tmp_path):
+def test_a_heightfield_path_is_relative_to_the_scene_file(tmp_path):
     heights = np.array([[0.0, 1.0], [2.0, 4.0]])
     np.save(tmp_path / "hill.npy", heights)
     text = WATER + "surface: {heightfield: {file: hill.npy, size: [2, 1], height: 0.5}, at: [0, 0, 0.2]}"
@@ -47,14 +47,14 @@ def test_a_heightfield_is_read_from_where_the_scene_lies(tmp_path):
     assert_same_distance(found, sdf.Transformed(sdf.Heightfield(heights, (2, 1), 0.5, 0.1), translation=(0, 0, 0.2)))
 
 
-def test_a_shape_is_scaled_then_turned_then_moved():
+def test_a_shape_is_scaled_then_rotated_then_moved():
     shape = built("{box: {size: [0.2, 0.4, 0.6]}, scale: 2, rotate: {axis: [0, 0, 3], degrees: 90}, at: [0, 0, 1]}")
-    # Twice as large, its long side y turned into x, then lifted.
+    # Scaled by 2, its longer side y rotated into x, then raised.
     on_surface = torch.tensor([[0.4, 0.0, 1.0], [0.0, 0.2, 1.0], [0.0, 0.0, 1.6]])
     torch.testing.assert_close(shape.distance(on_surface), torch.zeros(3), atol=1e-6, rtol=0)
 
 
-def test_nested_combinations_are_those_built_by_hand():
+def test_nested_combinations_equal_those_built_by_hand():
     text = """
       difference:
         - union:
@@ -68,13 +68,13 @@ def test_nested_combinations_are_those_built_by_hand():
           at: [0, 0.1, 0.2]
       at: [0, 0, 0.1]
     """
-    turn = sdf.axis_rotation((1, 1, 0), 40)
-    by_hand = sdf.Transformed(
+    rotation = sdf.axis_rotation((1, 1, 0), 40)
+    expected = sdf.Transformed(
         sdf.Difference(
             sdf.Transformed(
                 sdf.Union(
                     sdf.Transformed(sdf.Sphere(0.3), None, (0.2, 0, 0)),
-                    sdf.Transformed(sdf.Intersection(sdf.Box((0.5, 0.5, 0.5)), sdf.Cylinder(0.2, 2.0)), turn),
+                    sdf.Transformed(sdf.Intersection(sdf.Box((0.5, 0.5, 0.5)), sdf.Cylinder(0.2, 2.0)), rotation),
                 ),
                 scale=1.5,
             ),
@@ -83,15 +83,15 @@ def test_nested_combinations_are_those_built_by_hand():
         None,
         (0, 0, 0.1),
     )
-    assert_same_distance(built(text), by_hand)
+    assert_same_distance(built(text), expected)
 
 
-def test_the_kind_is_the_key_that_is_set():
+def test_the_kind_is_the_key_with_a_value():
     assert Shape.model_validate({"sphere": {"radius": 1}}).kind == "sphere"
     assert Shape.model_validate({"union": [{"sphere": {"radius": 1}}]}).kind == "union"
 
 
-def test_a_full_turn_is_none():
+def test_full_rotations_change_nothing():
     angle = 360 * 3 + 90
     once, often = (
         built(f"{{box: {{size: [1, 2, 3]}}, rotate: {{axis: [0, 1, 0], degrees: {a}}}}}") for a in (90, angle)
@@ -100,10 +100,10 @@ def test_a_full_turn_is_none():
     assert_same_distance(once, often)
 
 
-def test_the_boxes_of_a_union_are_asked_all_at_once():
+def test_the_boxes_of_a_union_are_batched():
     box = "{box: {size: [0.2, 0.3, 0.4]}, rotate: {axis: [0, 1, 0], degrees: 20}, at: [0.3, 0, 0]}"
     larger, ball = "{box: {size: [0.2, 0.3, 0.4]}, scale: 2}", "{sphere: {radius: 0.3}}"
-    by_hand = [
+    expected = [
         sdf.Transformed(sdf.Box((0.2, 0.3, 0.4)), sdf.axis_rotation((0, 1, 0), 20), (0.3, 0, 0)),
         sdf.Box((0.1, 0.9, 0.1)),
         sdf.Transformed(sdf.Box((0.2, 0.3, 0.4)), scale=2.0),
@@ -112,4 +112,4 @@ def test_the_boxes_of_a_union_are_asked_all_at_once():
     assert isinstance(built(f"{{union: [{box}, {box}]}}"), sdf.Boxes)
     together = built(f"{{union: [{box}, {ball}, {{box: {{size: [0.1, 0.9, 0.1]}}}}, {larger}]}}")
     assert isinstance(together.parts[0], sdf.Boxes)
-    assert_same_distance(together, sdf.Union(*by_hand))
+    assert_same_distance(together, sdf.Union(*expected))

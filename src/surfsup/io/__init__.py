@@ -1,1 +1,1 @@
-"""Files: trajectories in HDF5 and the folder of one simulation."""
+"""Files: trajectories in HDF5 and the output folder of a simulation."""

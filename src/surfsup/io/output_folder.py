@@ -1,4 +1,4 @@
-"""One simulated scene in one folder: trajectory, page, video and summary."""
+"""The output folder of one simulation: trajectory, page, video and summary."""
 
 from __future__ import annotations
 
@@ -15,27 +15,25 @@ import torch
 from surfsup import __version__
 from surfsup.errors import InputError
 from surfsup.io.trajectory import Provenance, TrajectoryWriter
-from surfsup.scene import Container, Scene, Start
+from surfsup.scene import Container, Scene
 from surfsup.sdf import Surface
 
 BYTES_PER_VALUE = 4
 
-Tell = Callable[[int, int], None]
-
 
 @dataclass(frozen=True)
 class Summary:
-    """What came of a simulation.
+    """The content of ``summary.json``.
 
     Attributes:
-        particles, frames: how many.
-        seconds: of computing, writing included.
-        ms_per_frame: of the simulator alone, without its set-up.
-        penetrations: particles inside the solid, summed over frames.
-        out_of_container: particles outside the container, likewise.
-        model: what simulated.
-        device: where.
-        version: of surfsup.
+        particles, frames: numbers of particles and frames.
+        seconds: wall-clock time of simulating and writing.
+        ms_per_frame: time of the simulator per frame, without its setup.
+        penetrations: number of particles inside the solid, summed over frames.
+        out_of_container: number of particles outside the container, summed over frames.
+        model: name of the simulator.
+        device: device of the simulation, such as "cpu".
+        version: version of surfsup.
     """
 
     particles: int
@@ -50,10 +48,10 @@ class Summary:
 
 
 def writable_folder(path: Path) -> Path:
-    """The folder, made where it is not there.
+    """Create the folder ``path`` if it does not exist, and return it.
 
     Raises:
-        InputError: it is a file, or cannot be written.
+        InputError: it is a file, or not writable.
     """
     try:
         path.mkdir(parents=True, exist_ok=True)
@@ -68,63 +66,79 @@ def writable_folder(path: Path) -> Path:
 
 
 class OutputFolder:
-    """The folder that a simulation writes into."""
+    """The folder that a simulation writes to.
+
+    Attributes:
+        path: the folder.
+        trajectory, page, video, summary: its files.
+    """
 
     def __init__(self, path: Path, particles: int, frames: int) -> None:
-        """Take ``path`` as the output folder of a simulation of that size, and make it.
+        """Create the folder ``path`` for a simulation of that many particles and frames.
 
         Raises:
-            InputError: it is a file, cannot be written, or its disk has too little room for the trajectory.
+            InputError: it is a file, is not writable, or its disk has too little space for the trajectory.
         """
         self.path = path
         self.trajectory = path / "trajectory.h5"
         self.page = path / "page.html"
         self.video = path / "video.mp4"
         self.summary = path / "summary.json"
-        check_room(path, particles, frames)
+        self._particles = particles
+        check_disk_space(path, particles, frames)
         writable_folder(path)
 
     def record(
         self,
         scene: Scene,
         surface: Surface | None,
-        start: Start,
         frames: Iterable[tuple[np.ndarray, np.ndarray]],
         provenance: Provenance,
         device: str,
-        tell: Tell,
+        on_progress: Callable[[int, int], None],
     ) -> Summary:
-        """Take the frames as the simulator makes them, write them, and sum up.
+        """Write the frames while the simulator computes them, then the summary.
 
-        An interrupt leaves a readable trajectory of the frames done and their summary, and goes on to the caller.
+        After an interrupt, which propagates, the trajectory holds the finished frames and the summary describes them.
+
+        Args:
+            scene: the simulated scene.
+            surface: its solid.
+            frames: positions and velocities (N, 3) of each frame.
+            provenance: simulator, seed and version.
+            device: device of the simulation, for the summary.
+            on_progress: called after each frame with the numbers of finished frames and of all frames.
+
+        Raises:
+            InputError: the trajectory cannot be written.
         """
         began, simulating = time.perf_counter(), 0.0
-        strays: list[tuple[int, int]] = []
+        counts: list[tuple[int, int]] = []  # per frame: particles in the solid, particles out of the container
         source = iter(frames)
-        writer = TrajectoryWriter(self.trajectory, scene, provenance, len(start.positions))
+        writer = TrajectoryWriter(self.trajectory, scene, provenance, self._particles)
         try:
             with writer:
                 while True:
                     before = time.perf_counter()
                     frame = next(source, None)
-                    # The step to frame 1 carries the set-up: maps, first touches of memory.
+                    # The step to frame 1 includes the setup: boundary volume maps, first touches of memory.
                     simulating += time.perf_counter() - before if writer.frames > 1 else 0.0
                     if frame is None:
                         break
-                    strays.append(count_strays(scene.container, surface, frame[0]))
+                    counts.append(count_penetrations(scene.container, surface, frame[0]))
                     writer.append(*frame)
-                    tell(writer.frames, scene.frames)
+                    on_progress(writer.frames, scene.frames)
         finally:
-            done = writer.frames  # an interrupt may have come between a frame and anything that counts it
-            inside, outside = (sum(counts) for counts in zip((0, 0), *strays[:done], strict=True))
+            done = writer.frames  # an interrupt may occur between counting a frame and writing it
+            penetrations, out_of_container = (sum(column) for column in zip((0, 0), *counts[:done], strict=True))
             summary = Summary(
-                particles=len(start.positions),
+                particles=self._particles,
                 frames=done,
                 seconds=round(time.perf_counter() - began, 2),
                 ms_per_frame=round(1000 * simulating / max(1, done - 2), 3),
-                penetrations=inside,
-                out_of_container=outside,
-                model=provenance.model,
+                penetrations=penetrations,
+                out_of_container=out_of_container,
+                model=provenance.simulator,
                 device=device,
             )
             if done:
@@ -132,9 +146,9 @@ class OutputFolder:
         return summary
 
 
-def count_strays(container: Container, surface: Surface | None, positions: np.ndarray) -> tuple[int, int]:
-    """How many of ``positions`` (N, 3) are inside the surface, and how many outside the container."""
-    lower, upper = np.float32(container.lower), np.float32(container.upper)
+def count_penetrations(container: Container, surface: Surface | None, positions: np.ndarray) -> tuple[int, int]:
+    """The numbers of ``positions`` (N, 3) inside the solid and outside the container."""
+    lower, upper = np.array(container.lower, np.float32), np.array(container.upper, np.float32)
     outside = int(((positions < lower) | (positions > upper)).any(axis=-1).sum())
     if surface is None:
         return 0, outside
@@ -142,11 +156,11 @@ def count_strays(container: Container, surface: Surface | None, positions: np.nd
         return int((surface.distance(torch.from_numpy(positions)) < 0).sum()), outside
 
 
-def check_room(path: Path, particles: int, frames: int) -> None:
-    """Refuse to start what cannot end: the trajectory must find room on the disk that ``path`` is on.
+def check_disk_space(path: Path, particles: int, frames: int) -> None:
+    """Require disk space for the whole trajectory before the simulation starts.
 
     Raises:
-        InputError: there is less free than the frames may take.
+        InputError: the disk of ``path`` has less free space than the frames may take.
     """
     existing = next(folder for folder in (path, *path.absolute().parents) if folder.exists())
     needed = particles * frames * 6 * BYTES_PER_VALUE

@@ -1,8 +1,8 @@
-"""Positions and velocities over time, and the scene that they belong to, in an HDF5 file.
+"""Trajectories in HDF5 files: positions and velocities over time, and the scene they belong to.
 
-The layout is LagrangeBench's (a group a trajectory, ``position`` and ``particle_type``) plus ``velocity``. Both are
-stored through HDF5's own shuffle and deflate filters, so every HDF5 program reads them. The chunks are packed and
-unpacked by ISA-L here, which writes eight times faster than HDF5 does.
+The layout is that of LagrangeBench (one group per trajectory with ``position`` and ``particle_type``) plus
+``velocity``. Both use HDF5's own shuffle and deflate filters, so every HDF5 program reads them. This module compresses
+and decompresses the chunks with ISA-L, which writes eight times faster than HDF5.
 """
 
 from __future__ import annotations
@@ -24,12 +24,14 @@ from surfsup.errors import InputError
 from surfsup.scene import FRAME_TIME, PARTICLE_RADIUS, Scene
 
 GROUP = "00000"
-FRAMES_PER_CHUNK = 2  # more pack better (8: 0.66 instead of 0.72 of raw), but a window then reads frames in vain
+FRAMES_PER_CHUNK = 2  # larger chunks compress better (8: 0.66 instead of 0.72), but windows then read unused frames
 FRAMES_PER_FLUSH = 8
-PACKING = 2  # ISA-L's level
-VELOCITY_STEP = 2.0**-16  # m/s: finer than positions tell it, which float32 keeps to 6e-8 m; the rest is noise to store
+COMPRESSION_LEVEL = 2  # of ISA-L
+# Velocities are rounded to multiples of this, in m/s. It is finer than the velocities that positions resolve, which
+# float32 stores to 6e-8 m; finer digits are noise that does not compress.
+VELOCITY_STEP = 2.0**-16
 FLUID_TYPE = 0
-SPARE_BYTES = 256 * 1024  # kept free on the disk for the file's own tables
+SPARE_BYTES = 256 * 1024  # free disk space for the tables of the file
 
 
 @dataclass(frozen=True)
@@ -37,26 +39,26 @@ class Provenance:
     """Where a trajectory comes from.
 
     Attributes:
-        model: name of the simulator that made it.
-        seed: what its random choices started from.
-        version: of surfsup.
+        simulator: name of the simulator.
+        seed: seed of its random numbers.
+        version: version of surfsup.
     """
 
-    model: str
+    simulator: str
     seed: int = 0
     version: str = __version__
 
 
 class TrajectoryFrames:
-    """The frames of a simulated scene, read from disk one by one as they are asked for, whatever they are of.
+    """The frames of a trajectory file without its scene, read from disk on demand.
 
     Attributes:
         positions: (frames, particles, 3) float32 in meters, an HDF5 data set that slices like an array.
-        velocities: the same in m/s, at the end of each frame.
+        velocities: (frames, particles, 3) float32 in m/s, at the end of each frame.
     """
 
     def __init__(self, path: Path) -> None:
-        """Open the trajectory in the file ``path``.
+        """Open the trajectory file ``path``.
 
         Raises:
             InputError: the file is missing, is not HDF5, or is not a trajectory.
@@ -87,11 +89,11 @@ class TrajectoryFrames:
         return data
 
     def __len__(self) -> int:
-        """The number of frames."""
+        """Number of frames."""
         return len(self.positions)
 
     def window(self, first: int, count: int) -> tuple[np.ndarray, np.ndarray]:
-        """Positions and velocities (count, N, 3) of ``count`` frames from ``first`` on, the fast way."""
+        """Positions and velocities (count, N, 3) of ``count`` frames from ``first``; faster than slicing."""
         return read_chunks(self.positions, first, count), read_chunks(self.velocities, first, count)
 
     def close(self) -> None:
@@ -106,13 +108,13 @@ class TrajectoryFrames:
 
 
 class Trajectory(TrajectoryFrames):
-    """A simulated scene: its frames, and what they are of.
+    """A trajectory: frames and their scene.
 
     Attributes:
-        scene: what was simulated.
-        provenance: by what.
-        frame_time: seconds from one frame to the next.
-        radius: of a particle, meters.
+        scene: the simulated scene.
+        provenance: simulator, seed and version.
+        frame_time: seconds between frames.
+        radius: particle radius in meters.
     """
 
     def _read(self, path: Path) -> None:
@@ -124,39 +126,41 @@ class Trajectory(TrajectoryFrames):
 
 
 class TrajectoryWriter:
-    """Frames to disk as they are made, so that memory does not grow and what is done is never lost.
+    """Writes frames to disk during a simulation, in constant memory.
 
-    Use as a context manager: leaving it, also by an error or an interrupt, leaves a readable file.
+    Use as a context manager. The file is readable afterwards, also after an error or an interrupt.
     """
 
     def __init__(
-        self, path: Path, scene: Scene, provenance: Provenance, particles: int, within: Path | None = None
+        self, path: Path, scene: Scene, provenance: Provenance, particles: int, root: Path | None = None
     ) -> None:
-        """Create ``path`` for a trajectory of ``scene`` with that many particles.
+        """Create the file ``path``, or replace it.
 
         Args:
-            path: of the file; one that is there is replaced.
-            scene: that it is of.
-            provenance: what makes it.
-            particles: how many.
-            within: the folder around it that may be moved as a whole, its own unless given.
+            path: the new file.
+            scene: the simulated scene.
+            provenance: simulator, seed and version.
+            particles: number of particles.
+            root: folder that may be moved as a whole; that of ``path`` by default. Paths inside it are written
+                relative to the file.
 
         Raises:
-            InputError: the file cannot be written.
+            InputError: the file cannot be written, or it cannot describe the scene.
         """
+        text = scene.with_paths_relative_to(path.parent, root).to_yaml()
         self._path = path
-        self._check_room(SPARE_BYTES)
+        self._check_disk_space(SPARE_BYTES)
         try:
             self._file = h5py.File(path, "w")
         except OSError as error:
-            reason = os.strerror(error.errno) if error.errno else one_line(error)
+            reason = os.strerror(error.errno) if error.errno else single_line(error)
             raise InputError(f"{path}: cannot be written ({reason})") from None
         self._file.attrs.update(
             {
-                "scene": scene.with_files_from(path.parent, within).to_yaml(),
+                "scene": text,
                 "frame_time": FRAME_TIME,
                 "radius": PARTICLE_RADIUS,
-                "model": provenance.model,
+                "model": provenance.simulator,
                 "seed": provenance.seed,
                 "version": provenance.version,
             }
@@ -176,64 +180,64 @@ class TrajectoryWriter:
             for name in ("position", "velocity")
         ]
         group["particle_type"] = np.full(particles, FLUID_TYPE, dtype=np.int64)
-        # What waits to be written, and room to pack a chunk in: the same memory again and again stays in the cache.
-        self._block = np.empty((2, FRAMES_PER_FLUSH, particles, 3), dtype=np.float32)
+        # Frames that are not yet written, and memory to shuffle a chunk in. Reused memory stays in the cache.
+        self._buffer = np.empty((2, FRAMES_PER_FLUSH, particles, 3), dtype=np.float32)
         self._shuffled = np.empty((4, FRAMES_PER_CHUNK * particles * 3), dtype=np.uint8)
         self._written = 0
-        self._waiting = 0
+        self._buffered = 0
 
     @property
     def frames(self) -> int:
-        """How many there are, those that wait to be written among them."""
-        return self._written + self._waiting
+        """Number of frames so far, including those in the buffer."""
+        return self._written + self._buffered
 
-    def note(self, topic: str, values: Mapping[str, object]) -> None:
-        """Keep ``values`` (numbers, texts, arrays) in the file as attributes of a group named ``topic``."""
-        self._file.create_group(topic).attrs.update(values)
+    def write_attributes(self, group: str, values: Mapping[str, object]) -> None:
+        """Write ``values`` (numbers, texts, arrays) as attributes of a new group."""
+        self._file.create_group(group).attrs.update(values)
 
     def append(self, positions: np.ndarray, velocities: np.ndarray) -> None:
-        """Add one frame: positions (N, 3) in meters and velocities (N, 3) in m/s; both are copied.
+        """Append a copy of one frame: positions (N, 3) in meters and velocities (N, 3) in m/s.
 
         Raises:
             InputError: the disk is full.
             ValueError: a shape is not (N, 3).
         """
-        frame = self._block[:, self._waiting]
-        for kept, given in zip(frame, (positions, velocities), strict=True):
-            if np.shape(given) != kept.shape:
-                raise ValueError(f"a frame is of shape {np.shape(given)} instead of {kept.shape}")
-            kept[:] = given
+        frame = self._buffer[:, self._buffered]
+        for target, values in zip(frame, (positions, velocities), strict=True):
+            if np.shape(values) != target.shape:
+                raise ValueError(f"a frame is of shape {np.shape(values)} instead of {target.shape}")
+            target[:] = values
         frame[1] /= VELOCITY_STEP
         np.round(frame[1], out=frame[1])
         frame[1] *= VELOCITY_STEP
-        self._waiting += 1
-        if self._waiting == FRAMES_PER_FLUSH:
+        self._buffered += 1
+        if self._buffered == FRAMES_PER_FLUSH:
             self.flush()
 
     def flush(self) -> None:
-        """Write what is waiting. Interrupted it can be called again: it writes to the same place.
+        """Write the buffered frames. A call after an interrupt writes the same frames to the same place again.
 
         Raises:
-            InputError: the disk is full; the file holds the frames before.
+            InputError: the disk is full; the file holds the earlier frames.
         """
-        if not self._waiting:
+        if not self._buffered:
             return
-        frames = self._block[:, : self._waiting]
-        # HDF5 cannot recover from a disk that fills up under it (closing the file crashes), so ask first.
-        self._check_room(frames.nbytes + SPARE_BYTES)
+        frames = self._buffer[:, : self._buffered]
+        # Check first: HDF5 cannot recover when the disk becomes full (closing the file crashes).
+        self._check_disk_space(frames.nbytes + SPARE_BYTES)
         try:
             for data, values in zip(self._sets, frames, strict=True):
                 data.resize(self.frames, axis=0)
                 write_chunks(data, self._written, values, self._shuffled)
             self._file.flush()
         except (OSError, RuntimeError) as error:
-            raise InputError(f"{self._path}: cannot be written ({one_line(error)})") from None
-        # A block that is not full yet is written again with the frames that are to come.
-        if self._waiting == FRAMES_PER_FLUSH:
-            # Both at once, for an interrupt that comes between them would have frames counted twice.
-            self._written, self._waiting = self.frames, 0
+            raise InputError(f"{self._path}: cannot be written ({single_line(error)})") from None
+        # A buffer that is not full keeps its frames; the next flush writes them again with the new ones.
+        if self._buffered == FRAMES_PER_FLUSH:
+            # One statement: an interrupt between two would count frames twice.
+            self._written, self._buffered = self.frames, 0
 
-    def _check_room(self, needed: int) -> None:
+    def _check_disk_space(self, needed: int) -> None:
         try:
             free = shutil.disk_usage(self._path.parent).free
         except OSError as error:
@@ -255,25 +259,25 @@ class TrajectoryWriter:
 
 
 def write_chunks(data: h5py.Dataset, first: int, frames: np.ndarray, shuffled: np.ndarray) -> None:
-    """Write ``frames`` (K, N, 3) float32 from place ``first`` on, which is where a chunk begins.
+    """Write ``frames`` (K, N, 3) float32 to the frames of ``data`` from ``first``.
 
     Args:
-        data: the data set in the file.
-        first: its frame that the first of ``frames`` becomes.
-        frames: where they are contiguous no copy of them is made.
-        shuffled: (4, FRAMES_PER_CHUNK * N * 3) uint8, room to pack in.
+        data: the data set.
+        first: number of the first frame to write; a chunk starts there.
+        frames: the new values; contiguous ones are not copied.
+        shuffled: scratch memory (4, FRAMES_PER_CHUNK * N * 3) uint8.
     """
     for start in range(0, len(frames), FRAMES_PER_CHUNK):
         chunk = frames[start : start + FRAMES_PER_CHUNK]
-        # HDF5's shuffle: the first bytes of all values, then the second ones, and so on; a chunk ends in zeros.
-        bytes_of = np.ascontiguousarray(chunk).reshape(-1).view(np.uint8).reshape(-1, shuffled.shape[0]).T
-        shuffled[:, : bytes_of.shape[1]] = bytes_of
-        shuffled[:, bytes_of.shape[1] :] = 0
-        data.id.write_direct_chunk((first + start, 0, 0), isal_zlib.compress(shuffled, PACKING))
+        # HDF5's shuffle: the first bytes of all values, then their second bytes, and so on. Zeros pad the last chunk.
+        byte_planes = np.ascontiguousarray(chunk).reshape(-1).view(np.uint8).reshape(-1, shuffled.shape[0]).T
+        shuffled[:, : byte_planes.shape[1]] = byte_planes
+        shuffled[:, byte_planes.shape[1] :] = 0
+        data.id.write_direct_chunk((first + start, 0, 0), isal_zlib.compress(shuffled, COMPRESSION_LEVEL))
 
 
 def read_chunks(data: h5py.Dataset, first: int, count: int) -> np.ndarray:
-    """Frames (count, N, 3) from ``first`` on, of a data set that :func:`write_chunks` wrote; else as HDF5 reads it."""
+    """Read frames (count, N, 3) from ``first``, with ISA-L if the chunks are as :func:`write_chunks` writes them."""
     length = data.chunks[0] if data.chunks else 0
     end = first + count
     fast = length and data.shuffle and data.compression == "gzip" and data.dtype == np.float32 and end <= len(data)
@@ -283,17 +287,17 @@ def read_chunks(data: h5py.Dataset, first: int, count: int) -> np.ndarray:
     size = int(np.prod(data.chunks)) * data.dtype.itemsize
     chunks = []
     for start in range(begin, end, length):
-        _, packed = data.id.read_direct_chunk((start, 0, 0))
-        shuffled = np.frombuffer(isal_zlib.decompress(packed, bufsize=size), dtype=np.uint8)
+        _, compressed = data.id.read_direct_chunk((start, 0, 0))
+        shuffled = np.frombuffer(isal_zlib.decompress(compressed, bufsize=size), dtype=np.uint8)
         chunks.append(shuffled.reshape(data.dtype.itemsize, -1).T.copy().view(np.float32).reshape(data.chunks))
     return np.concatenate(chunks)[first - begin : end - begin] if chunks else data[first:end]
 
 
 def not_a_trajectory(path: Path, error: Exception) -> str:
-    """The complaint about a file that could not be read."""
-    return f"{path}: is not a trajectory of surfsup, or was cut off ({one_line(error)})"
+    """The message about an unreadable file."""
+    return f"{path}: is not a trajectory of surfsup, or was cut off ({single_line(error)})"
 
 
-def one_line(error: Exception) -> str:
-    """What the HDF5 library said, which may go over several lines."""
+def single_line(error: Exception) -> str:
+    """The message of the HDF5 library, which may have several lines, as one."""
     return " ".join(str(error).split())

@@ -1,6 +1,7 @@
 """Scenes: a surface and blocks of fluid in a container."""
 
 from surfsup.scene.fluid import NEAR_SURFACE_DISTANCE, PARTICLE_RADIUS, SPACING, Block, Fluid, InitialParticles
+from surfsup.scene.mesh_surface import load_mesh
 from surfsup.scene.scene import FRAME_TIME, SURFACE_CLEARANCE, WALL_CELL, WALL_CLEARANCE, Container, Scene
 from surfsup.scene.shapes import Shape
 
@@ -15,7 +16,8 @@ __all__ = [
     "Block",
     "Container",
     "Fluid",
+    "InitialParticles",
     "Scene",
     "Shape",
-    "Start",
+    "load_mesh",
 ]

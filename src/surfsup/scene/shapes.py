@@ -1,156 +1,143 @@
-"""How a scene file describes a surface: one key names the kind, the rest places it."""
+"""The surface of a scene file: one key names its kind, the others place it."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 import torch
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
 
 from surfsup import sdf
+from surfsup.scene.strict_model import Finite, Length, StrictModel, Vector
 from surfsup.sdf.neural.shipped_surfaces import seen_from
 
-Length = Annotated[float, Field(gt=0, allow_inf_nan=False)]
-Finite = Annotated[float, Field(allow_inf_nan=False)]
-Vector = tuple[Finite, Finite, Finite]
+if TYPE_CHECKING:
+    import trimesh
 
 
-class Description(BaseModel):
-    """A part of a scene file: unknown keys are refused, values are checked."""
+class PrimitiveShape(StrictModel):
+    """A solid with a closed form. Its fields are the arguments of ``surface_type``, in the same order."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    surface_type: ClassVar[Callable[..., sdf.Surface]]
+
+    def surface(self, folder: Path = Path()) -> sdf.Surface:
+        """Build the surface; ``folder`` is the base of relative paths."""
+        return type(self).surface_type(*dict(self).values())
 
 
-class SphereShape(Description):
-    """A ball of ``radius`` meters."""
+class SphereShape(PrimitiveShape):
+    """A sphere, in meters."""
 
+    surface_type = sdf.Sphere
     radius: Length
 
-    def surface(self, folder: Path = Path()) -> sdf.Surface:
-        """The signed distance; ``folder`` is where relative file names start."""
-        return sdf.Sphere(self.radius)
 
+class BoxShape(PrimitiveShape):
+    """A box; ``size`` holds its sides along x, y and z in meters."""
 
-class BoxShape(Description):
-    """A box of the sides ``size`` in meters."""
-
+    surface_type = sdf.Box
     size: tuple[Length, Length, Length]
 
-    def surface(self, folder: Path = Path()) -> sdf.Surface:
-        """The signed distance; ``folder`` is where relative file names start."""
-        return sdf.Box(self.size)
 
-
-class CylinderShape(Description):
+class CylinderShape(PrimitiveShape):
     """A cylinder along z, in meters."""
 
+    surface_type = sdf.Cylinder
     radius: Length
     height: Length
 
-    def surface(self, folder: Path = Path()) -> sdf.Surface:
-        """The signed distance; ``folder`` is where relative file names start."""
-        return sdf.Cylinder(self.radius, self.height)
 
-
-class ConeShape(Description):
+class ConeShape(PrimitiveShape):
     """A capped cone along z, in meters."""
 
+    surface_type = sdf.CappedCone
     height: Length
     bottom_radius: Length
     top_radius: Length = 0.01
 
-    def surface(self, folder: Path = Path()) -> sdf.Surface:
-        """The signed distance; ``folder`` is where relative file names start."""
-        return sdf.CappedCone(self.height, self.bottom_radius, self.top_radius)
 
+class TorusShape(PrimitiveShape):
+    """A torus around z, in meters."""
 
-class TorusShape(Description):
-    """A ring around z, in meters."""
-
+    surface_type = sdf.Torus
     major_radius: Length
     minor_radius: Length
 
-    def surface(self, folder: Path = Path()) -> sdf.Surface:
-        """The signed distance; ``folder`` is where relative file names start."""
-        return sdf.Torus(self.major_radius, self.minor_radius)
 
+class BowlShape(PrimitiveShape):
+    """A hollow hemisphere below the center of its mouth, in meters; a ``filter_radius`` of 0 closes it."""
 
-class BowlShape(Description):
-    """A hollow hemisphere that hangs from the center of its mouth, in meters; a ``filter_radius`` of 0 closes it."""
-
+    surface_type = sdf.Bowl
     capture_radius: Length
     filter_radius: Annotated[float, Field(ge=0, allow_inf_nan=False)] = 0.0
     wall: Length = sdf.WALL
 
     @model_validator(mode="after")
-    def something_is_left(self) -> BowlShape:
-        """A hole as wide as the mouth leaves no bowl."""
+    def check_radii(self) -> BowlShape:
+        """Require a hole narrower than the mouth."""
         if self.filter_radius >= self.capture_radius:
             raise ValueError(
                 f"filter_radius {self.filter_radius:.4g} must be smaller than capture_radius {self.capture_radius:.4g}"
             )
         return self
 
-    def surface(self, folder: Path = Path()) -> sdf.Surface:
-        """The signed distance; ``folder`` is where relative file names start."""
-        return sdf.Bowl(self.capture_radius, self.filter_radius, self.wall)
 
+class FunnelShape(PrimitiveShape):
+    """A cone that narrows into a spout, below the center of its mouth, in meters."""
 
-class FunnelShape(Description):
-    """A cone that narrows into a spout and hangs from the center of its mouth, in meters."""
-
+    surface_type = sdf.Funnel
     capture_radius: Length
     filter_radius: Length
     height: Length = 0.25
     spout: Length = 0.1
     wall: Length = sdf.WALL
 
-    def surface(self, folder: Path = Path()) -> sdf.Surface:
-        """The signed distance; ``folder`` is where relative file names start."""
-        return sdf.Funnel(self.capture_radius, self.filter_radius, self.height, self.spout, self.wall)
 
+class MeshShape(StrictModel):
+    """The triangles in ``file``.
 
-class MeshShape(Description):
-    """The triangles of ``file``; ``fit`` is the largest extent in meters, left out: as the file has it.
-
-    A fitted mesh is centered in x and y and stands on z = 0.
+    ``fit`` scales the largest extent to that many meters, centers the mesh in x and y and puts it on z = 0. Without it
+    the mesh keeps its own coordinates, in meters. ``up`` is the upward axis of the file.
     """
 
     file: Path
     fit: Length | None = None
-    up: str | None = Field(default=None, pattern="^[yz]$")
+    up: Literal["y", "z"] | None = None
 
-    def surface(self, folder: Path = Path()) -> sdf.Surface:
-        """The signed distance; ``folder`` is where relative file names start."""
+    def mesh(self, folder: Path = Path()) -> trimesh.Trimesh:
+        """Read and place the triangles; ``folder`` is the base of relative paths."""
         mesh = sdf.load_mesh(folder / self.file, up=self.up)
-        if self.fit is not None:
-            mesh, _ = sdf.fit_mesh(mesh, self.fit)
-        return sdf.MeshSurface(mesh)
+        return mesh if self.fit is None else sdf.fit_mesh(mesh, self.fit)[0]
+
+    def surface(self, folder: Path = Path()) -> sdf.Surface:
+        """Build the surface; ``folder`` is the base of relative paths."""
+        return sdf.MeshSurface(self.mesh(folder))
 
 
-class SirenShape(Description):
-    """The SIREN in ``file``; ``fit`` is its largest extent in meters, left out: as what it was fitted to.
+class SirenShape(StrictModel):
+    """The SIREN in ``file``, which may be the name of a shipped one.
 
-    ``file`` may be the name of a shipped one. A fitted one is centered in x and y and stands on z = 0.
+    ``fit`` scales the largest extent to that many meters, centers the solid in x and y and puts it on z = 0. Without it
+    the solid has the size and place of the shape that the network was fitted to.
     """
 
     file: Path
     fit: Length | None = None
 
     def surface(self, folder: Path = Path()) -> sdf.Surface:
-        """The signed distance; ``folder`` is where relative file names start."""
+        """Build the surface; ``folder`` is the base of relative paths."""
         siren = sdf.load_siren(seen_from(folder, self.file))
         return siren.in_own_unit() if self.fit is None else sdf.standing(siren, self.fit)
 
 
-class DeepSdfShape(Description):
-    """A shape of the DeepSDF in ``file``: the one called ``shape``, or the one of the latent ``code``.
+class DeepSdfShape(StrictModel):
+    """A shape of the DeepSDF in ``file``, which may be the name of a shipped one.
 
-    ``file`` may be the name of a shipped one. A file of a single shape needs neither. ``fit`` is the largest extent in
-    meters, 2 where it is left out; then the middle of the shape's box is its origin, else it is centered in x and y and
-    stands on z = 0.
+    ``shape`` chooses by name, ``code`` by latent code; a file of a single shape needs neither. ``fit`` scales the
+    largest extent to that many meters, centers the solid in x and y and puts it on z = 0. Without it the largest extent
+    is 2 m and the bounding box is centered on the origin.
     """
 
     file: Path
@@ -159,25 +146,25 @@ class DeepSdfShape(Description):
     fit: Length | None = None
 
     @model_validator(mode="after")
-    def one_way_to_choose(self) -> DeepSdfShape:
-        """A name and a code would be two shapes."""
+    def check_choice(self) -> DeepSdfShape:
+        """Refuse a name together with a code."""
         if self.shape is not None and self.code is not None:
             raise ValueError("give either shape or code, not both")
         return self
 
     def surface(self, folder: Path = Path()) -> sdf.Surface:
-        """The signed distance; ``folder`` is where relative file names start."""
+        """Build the surface; ``folder`` is the base of relative paths."""
         shapes = sdf.load_deepsdf(seen_from(folder, self.file))
         code = shapes.code(self.shape) if self.code is None else torch.tensor(self.code)
         surface = shapes.surface(code).with_lattice()
         return surface if self.fit is None else sdf.standing(surface, self.fit)
 
 
-class HeightfieldShape(Description):
-    """Terrain out of ``file``, a solid that stands on z = 0 and is centered in x and y; row 0 is north, at +y.
+class HeightfieldShape(StrictModel):
+    """The terrain in ``file``, a solid on z = 0, centered in x and y; row 0 is in the north, at +y.
 
-    ``size`` is its extent along x and y, ``height`` what lies between its lowest and its highest sample and ``base``
-    what lies below the lowest, all in meters.
+    All lengths are meters: ``size`` along x and y, ``height`` between the lowest and the highest sample, ``base`` from
+    z = 0 to the lowest sample.
     """
 
     file: Path
@@ -186,27 +173,27 @@ class HeightfieldShape(Description):
     base: Length = 0.1
 
     def surface(self, folder: Path = Path()) -> sdf.Surface:
-        """The signed distance; ``folder`` is where relative file names start."""
+        """Build the surface; ``folder`` is the base of relative paths."""
         path = folder / self.file
         return sdf.Heightfield(sdf.load_heights(path), self.size, self.height, self.base, source=str(path))
 
 
-class Rotation(Description):
-    """A turn about ``axis``, right-handed."""
+class Rotation(StrictModel):
+    """A right-handed rotation about ``axis``."""
 
     axis: Vector
     degrees: Finite
 
     @model_validator(mode="after")
-    def axis_has_a_direction(self) -> Rotation:
-        """A zero axis turns about nothing."""
+    def check_axis(self) -> Rotation:
+        """Require a direction."""
         if not any(self.axis):
             raise ValueError("axis must not be zero")
         return self
 
 
-class Shape(Description):
-    """A surface of one kind, scaled, then turned, then moved ``at`` a place in the container (meters)."""
+class Shape(StrictModel):
+    """A surface of exactly one kind, scaled, then rotated, then moved by ``at`` (meters)."""
 
     sphere: SphereShape | None = None
     box: BoxShape | None = None
@@ -227,8 +214,8 @@ class Shape(Description):
     at: Vector = (0.0, 0.0, 0.0)
 
     @model_validator(mode="after")
-    def exactly_one_kind(self) -> Shape:
-        """A surface is of one kind; which one is the key that is set."""
+    def check_kind(self) -> Shape:
+        """Require exactly one kind."""
         given = [kind for kind in KINDS if getattr(self, kind) is not None]
         if len(given) != 1:
             found = " and ".join(given) if given else "none"
@@ -237,55 +224,56 @@ class Shape(Description):
 
     @property
     def kind(self) -> str:
-        """The key that is set: which kind of surface this is."""
+        """The kind of surface: the one kind key that has a value."""
         return next(kind for kind in KINDS if getattr(self, kind) is not None)
 
     def surface(self, folder: Path = Path()) -> sdf.Surface:
-        """The signed distance in the container's frame.
+        """Build the surface in the coordinates of the container.
 
         Args:
-            folder: where the relative file names of meshes start.
+            folder: base of relative paths.
 
         Raises:
-            InputError: a mesh file is missing or not usable.
+            InputError: a file is missing or unusable.
         """
-        placed_already = self.scale == 1.0 and self.rotate is None and not any(self.at)
-        own = getattr(self, self.kind)
-        shape = COMBINATIONS[self.kind](own, folder) if self.kind in COMBINATIONS else own.surface(folder)
-        return shape if placed_already else sdf.Transformed(shape, self.rotation(), self.at, self.scale)
+        content = getattr(self, self.kind)
+        surface = COMBINATIONS[self.kind](content, folder) if self.kind in COMBINATIONS else content.surface(folder)
+        if self.scale == 1.0 and self.rotate is None and not any(self.at):
+            return surface
+        return sdf.Transformed(surface, self.rotation(), self.at, self.scale)
 
     def rotation(self) -> torch.Tensor:
-        """How the shape is turned, as a matrix (3, 3)."""
+        """The rotation matrix (3, 3)."""
         return sdf.axis_rotation(self.rotate.axis, self.rotate.degrees) if self.rotate else torch.eye(3)
 
-    def with_files(self, rename: Callable[[Path], Path]) -> Shape:
-        """The same shape, the name of every file in it replaced by what ``rename`` makes of it."""
-        own = getattr(self, self.kind)
+    def map_files(self, function: Callable[[Path], Path]) -> Shape:
+        """A copy with ``function`` applied to the path of every file."""
+        content = getattr(self, self.kind)
         if self.kind in COMBINATIONS:
-            changed = [part.with_files(rename) for part in own]
-        elif "file" in type(own).model_fields:
-            changed = own.model_copy(update={"file": rename(own.file)})
+            changed = [part.map_files(function) for part in content]
+        elif "file" in type(content).model_fields:
+            changed = content.model_copy(update={"file": function(content.file)})
         else:
             return self
         return self.model_copy(update={self.kind: changed})
 
 
 def union_of(parts: list[Shape], folder: Path) -> sdf.Surface:
-    """The union of ``parts``; the boxes among them, of which furniture has dozens, are asked all at once."""
-    boxes = [part for part in parts if part.box is not None and part.scale == 1.0]
+    """The union of ``parts``. Its boxes become one batched surface; furniture has dozens of them."""
+    boxes = [(part, part.box.size) for part in parts if part.box is not None and part.scale == 1.0]
     if len(boxes) < 2:
         return sdf.Union(*(part.surface(folder) for part in parts))
     others = [part.surface(folder) for part in parts if part.box is None or part.scale != 1.0]
-    many = sdf.Boxes(
-        torch.tensor([part.box.size for part in boxes]),
-        torch.stack([part.rotation() for part in boxes]),
-        torch.tensor([part.at for part in boxes]),
+    batch = sdf.Boxes(
+        torch.tensor([size for _, size in boxes]),
+        torch.stack([part.rotation() for part, _ in boxes]),
+        torch.tensor([part.at for part, _ in boxes]),
     )
-    return sdf.Union(many, *others) if others else many
+    return sdf.Union(batch, *others) if others else batch
 
 
 def intersection_of(parts: list[Shape], folder: Path) -> sdf.Surface:
-    """What all ``parts`` share."""
+    """The intersection of all ``parts``."""
     return sdf.Intersection(*(part.surface(folder) for part in parts))
 
 
@@ -295,5 +283,4 @@ def difference_of(parts: list[Shape], folder: Path) -> sdf.Surface:
 
 
 COMBINATIONS = {"union": union_of, "intersection": intersection_of, "difference": difference_of}
-SOLIDS = ("sphere", "box", "cylinder", "cone", "torus", "bowl", "funnel")
-KINDS = (*SOLIDS, "mesh", "siren", "deepsdf", "heightfield", *COMBINATIONS)
+KINDS = tuple(key for key in Shape.model_fields if key not in ("scale", "rotate", "at"))

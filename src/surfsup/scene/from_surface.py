@@ -1,0 +1,193 @@
+"""A scene from a single mesh or neural surface: scaled to fit, it stands on the floor and water falls on it."""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from surfsup import sdf
+from surfsup.errors import InputError
+from surfsup.scene.fluid import PARTICLE_RADIUS, SPACING, Block
+from surfsup.scene.scene import Container, Scene
+from surfsup.scene.shapes import DeepSdfShape, MeshShape, Rotation, Shape, SirenShape
+from surfsup.sdf.neural import surface_file
+from surfsup.sdf.neural.shipped_surfaces import is_shipped
+
+DEFAULT_FIT = 0.7  # meters
+BLOCK_SIDE = 0.45  # meters: 14 particles per side, the middle of the training data
+GAP = 0.1  # meters between the top of the solid and the water
+
+
+@dataclass(frozen=True)
+class Placement:
+    """Size, orientation and place of the solid in the container.
+
+    Attributes:
+        fit: largest extent in meters after scaling; None keeps the coordinates of the file, in meters.
+        up: upward axis of a mesh file; None for that of the file format.
+        turn: rotation about z in degrees.
+        at: position of the origin of the scaled and rotated solid in meters; a fitted solid has it below its middle.
+        shape: name of the shape in a DeepSDF with several.
+    """
+
+    fit: float | None = DEFAULT_FIT
+    up: Literal["y", "z"] | None = None
+    turn: float = 0.0
+    at: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    shape: str | None = None
+
+
+def scene_from_surface(
+    path: Path,
+    placement: Placement,
+    container: Container,
+    block: Block | None,
+    frames: int,
+) -> tuple[Scene, str]:
+    """The scene of water that falls on the mesh or neural surface in ``path``.
+
+    Args:
+        path: the file, or the name of a shipped surface.
+        placement: how to place it.
+        container: the box around it.
+        block: the water; None for a cube of 0.45 m above the solid.
+        frames: number of frames.
+
+    Returns:
+        The scene, and a line for the user about size and orientation of the solid.
+
+    Raises:
+        InputError: the file is unusable, the solid does not fit the container, or there is no room for water above.
+    """
+    shape = placed_shape(path, placement)
+    (lower, upper), summary = measure(path, shape, placement)
+    check_fits(path, lower, upper, container, fitted=placement.fit is not None)
+    water = block or block_above(lower, upper, container)
+    return Scene(container=container, surface=shape, fluid=[water], frames=frames), summary
+
+
+def measure(path: Path, shape: Shape, placement: Placement) -> tuple[np.ndarray, str]:
+    """The bounding box (2, 3) of the placed solid in meters, and a line about its size and orientation.
+
+    Raises:
+        InputError: the file is unusable.
+    """
+    if shape.mesh is None:
+        box = shape.surface().bounds().double().numpy()
+        return box, f"{path.name} is {size_text(box)} m large"
+    with warnings.catch_warnings():
+        # The scene builds its surface from the same file and repeats the warnings.
+        warnings.simplefilter("ignore", sdf.MeshWarning)
+        mesh = sdf.load_mesh(path, up=placement.up)
+    original = np.asarray(mesh.extents)
+    if placement.fit is not None:
+        mesh, _ = sdf.fit_mesh(mesh, placement.fit)
+    rotation = sdf.axis_rotation((0.0, 0.0, 1.0), placement.turn).numpy()
+    vertices = np.asarray(mesh.vertices) @ rotation.T + np.asarray(placement.at)
+    box = np.stack([vertices.min(axis=0), vertices.max(axis=0)])
+    summary = f"{path.name} is {size_text(box)} m large"
+    if placement.fit is not None:
+        file_size = " x ".join(f"{side:.3g}" for side in original)
+        summary += f" (in the file {file_size}, scaled by {placement.fit / original.max():.3g})"
+    if placement.up is None and path.suffix.lower() != ".glb":
+        summary += "; z is its upward axis, --up y turns one that lies on its side"
+    return box, summary
+
+
+def size_text(box: np.ndarray) -> str:
+    """The sides of a box (2, 3), for a message."""
+    return " x ".join(f"{side:.2f}" for side in box[1] - box[0])
+
+
+def placed_shape(path: Path, placement: Placement) -> Shape:
+    """The mesh or neural surface in ``path`` as a scene file would describe it.
+
+    Raises:
+        InputError: a value is out of range, or an option does not apply to the file.
+    """
+    rotate = Rotation(axis=(0.0, 0.0, 1.0), degrees=placement.turn) if placement.turn else None
+    content = shape_of_file(path, placement)
+    return Shape(**content, rotate=rotate, at=placement.at)
+
+
+def shape_of_file(path: Path, placement: Placement) -> dict[str, Any]:
+    """The shape in ``path`` under its key in a scene file.
+
+    Raises:
+        InputError: the file is of an unknown kind, or an option does not apply to it.
+    """
+    shipped = is_shipped(path)
+    if not shipped and not path.suffix and not path.exists():
+        names = ", ".join(sdf.shipped_surfaces())
+        raise InputError(f"{path}: there is no such file; give a file or a shipped surface ({names})")
+    file = path if shipped else path.resolve()
+    if not shipped and path.suffix.lower() != surface_file.ENDING:
+        require_single_shape(path, placement)
+        return {"mesh": MeshShape(file=file, fit=placement.fit, up=placement.up)}
+    if placement.up is not None:
+        raise InputError(f"{path}: a neural surface already has z up; omit --up")
+    if surface_file.kind_of(sdf.resolve(path)) == surface_file.DEEPSDF:
+        return {"deepsdf": DeepSdfShape(file=file, fit=placement.fit, shape=placement.shape)}
+    require_single_shape(path, placement)
+    return {"siren": SirenShape(file=file, fit=placement.fit)}
+
+
+def require_single_shape(path: Path, placement: Placement) -> None:
+    """Refuse a shape name for a file that holds a single shape.
+
+    Raises:
+        InputError: there is one.
+    """
+    if placement.shape is not None:
+        raise InputError(f"{path}: holds a single shape; omit --shape, which chooses a shape of a DeepSDF")
+
+
+def check_fits(path: Path, lower: np.ndarray, upper: np.ndarray, container: Container, fitted: bool) -> None:
+    """Refuse a solid that is larger than the container, reaches out of it, or is smaller than a particle.
+
+    Args:
+        path: file of the solid, for the message.
+        lower, upper: corners (3,) of its bounding box in meters.
+        container: the box around it.
+        fitted: whether it was scaled, for the remedy in the message.
+
+    Raises:
+        InputError: naming the size and the remedy.
+    """
+    size = " x ".join(f"{side:.4g}" for side in upper - lower)
+    room = " x ".join(f"{side:.4g}" for side in container.size)
+    remedy = "give a smaller --fit or a larger --container" if fitted else "omit --no-fit to scale it"
+    if (upper - lower > np.asarray(container.size) + 1e-6).any():
+        raise InputError(f"{path}: is {size} m, larger than the container of {room} m; {remedy}")
+    if (upper - lower).max() < 4 * PARTICLE_RADIUS:
+        raise InputError(f"{path}: is {size} m, too small for particles {SPACING} m apart; {remedy}")
+    outside = (lower < np.asarray(container.lower) - 1e-6) | (upper > np.asarray(container.upper) + 1e-6)
+    if outside.any():
+        axis = int(np.argmax(outside))
+        raise InputError(
+            f"{path}: reaches from {lower[axis]:.3g} to {upper[axis]:.3g} m along {'xyz'[axis]}, out of "
+            f"the container ({container.lower[axis]:.3g} to {container.upper[axis]:.3g} m); move it with --at"
+        )
+
+
+def block_above(lower: np.ndarray, upper: np.ndarray, container: Container) -> Block:
+    """A cube of water above the middle of a solid with the bounding box ``lower`` to ``upper`` (3,).
+
+    Raises:
+        InputError: there is no room below the ceiling.
+    """
+    sides = np.minimum(BLOCK_SIDE, np.asarray(container.size))
+    middle = (lower + upper)[:2] / 2
+    low = np.clip(middle - sides[:2] / 2, container.lower[:2], np.asarray(container.upper[:2]) - sides[:2])
+    bottom = upper[2] + GAP
+    top = min(bottom + sides[2], container.size[2])
+    if top - bottom < 2 * SPACING:
+        raise InputError(
+            f"there is no room for water between the solid's top at {upper[2]:.3g} m and the ceiling at "
+            f"{container.size[2]:.3g} m; give a smaller --fit, a taller --container or a block of your own"
+        )
+    return Block((*low.tolist(), float(bottom)), (*(low + sides[:2]).tolist(), float(top)))

@@ -1,0 +1,56 @@
+"""A validation error as one line that names the key and the remedy."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Sequence
+from typing import get_args
+
+from pydantic import BaseModel, ValidationError
+
+MAX_VALUE_LENGTH = 60  # characters of an invalid value that the message shows
+
+
+def format_validation_error(error: ValidationError, model: type[BaseModel]) -> str:
+    """Format the first error of validating ``model`` as one line, with the closest valid key for an unknown one.
+
+    An unknown key takes precedence: a misspelled key usually causes the other errors, such as the missing correct key.
+    """
+    errors = error.errors()
+    first = next((entry for entry in errors if entry["type"] == "extra_forbidden"), errors[0])
+    location = first["loc"]
+    where = " ".join(".".join(map(str, location)).split())
+    if first["type"] == "extra_forbidden":
+        known = valid_keys(model, location[:-1])
+        closest = difflib.get_close_matches(str(location[-1]), known, n=1)
+        hint = f"did you mean '{closest[0]}'?" if closest else f"known are {', '.join(known)}"
+        return f"unknown key '{where}'; {hint}"
+    message = first["msg"].removeprefix("Value error, ")
+    if first["type"] == "model_type":
+        message = f"must be a mapping with keys out of {', '.join(valid_keys(model, location))}"
+    value = first["input"]
+    found = "" if isinstance(value, dict | list | BaseModel) else f" (found {abbreviate(value)})"
+    return f"{where}: {message}{found}" if where else f"{message}{found}"
+
+
+def abbreviate(value: object) -> str:
+    """The ``repr`` of a value, truncated to MAX_VALUE_LENGTH."""
+    text = repr(value)
+    return text if len(text) <= MAX_VALUE_LENGTH else text[: MAX_VALUE_LENGTH - 3] + "..."
+
+
+def valid_keys(model: type[BaseModel], location: Sequence[str | int]) -> list[str]:
+    """The keys that are valid at ``location`` inside ``model``."""
+    for key in location:
+        nested = nested_model(model.model_fields[key].annotation) if isinstance(key, str) else model
+        if nested is None:
+            return []
+        model = nested
+    return list(model.model_fields)
+
+
+def nested_model(annotation: object) -> type[BaseModel] | None:
+    """The model inside an annotation such as ``list[Model] | None``."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return annotation
+    return next((found for part in get_args(annotation) if (found := nested_model(part)) is not None), None)
