@@ -1,5 +1,6 @@
 import pytest
 import torch
+from safetensors.torch import load_file, save_file
 
 from surfsup.errors import InputError
 from surfsup.optim import checkpoint as module
@@ -15,29 +16,31 @@ def files(tmp_path) -> CheckpointFiles:
     return CheckpointFiles(tmp_path)
 
 
-def test_the_last_two_are_kept(files):
+def test_the_last_two_checkpoints_are_kept(files):
     assert not files.exist()
     for step in (1, 2, 3):
         files.save(checkpoint(step))
     assert files.load().counters == {"step": 3}
     assert torch.equal(files.load().tensors["a"], torch.full((3,), 3.0))
-    assert module.read(files.before).counters == {"step": 2}
-    assert sorted(path.name for path in files.last.parent.iterdir()) == [files.before.name, files.last.name]
+    assert module.read(files.previous).counters == {"step": 2}
+    assert sorted(path.name for path in files.last.parent.iterdir()) == [files.previous.name, files.last.name]
 
 
 @pytest.mark.parametrize("share", [0, 0.01, 0.5, 0.99])
-def test_one_that_is_cut_off_is_named_and_the_one_before_it_taken(files, share):
+def test_a_truncated_checkpoint_is_named_and_the_previous_one_is_loaded(files, share):
     files.save(checkpoint(1))
     files.save(checkpoint(2))
     files.last.write_bytes(files.last.read_bytes()[: int(share * files.last.stat().st_size)])
-    with pytest.warns(UserWarning, match=r"checkpoint\.safetensors: is cut off .*going on .*, at step 1") as told:
+    with pytest.warns(
+        UserWarning, match=r"checkpoint\.safetensors: is cut off .*resuming from .*, at step 1"
+    ) as caught:
         assert files.load().counters == {"step": 1}
-    assert all("\n" not in str(one.message) for one in told)
+    assert all("\n" not in str(one.message) for one in caught)
     files.save(checkpoint(3))
-    assert (files.load().counters, module.read(files.before).counters) == ({"step": 3}, {"step": 1})
+    assert (files.load().counters, module.read(files.previous).counters) == ({"step": 3}, {"step": 1})
 
 
-def test_a_kill_between_writing_and_naming_leaves_the_one_before(files):
+def test_a_kill_between_writing_and_renaming_leaves_the_previous_checkpoint(files):
     files.save(checkpoint(1))
     files.save(checkpoint(2))
     files.last.unlink()
@@ -46,7 +49,7 @@ def test_a_kill_between_writing_and_naming_leaves_the_one_before(files):
 
 
 @pytest.mark.parametrize("share", [0, 0.5, 0.99])
-def test_with_none_before_it_is_refused_in_one_line(files, share):
+def test_a_truncated_checkpoint_without_a_previous_one_is_refused_in_one_line(files, share):
     files.save(checkpoint(1))
     files.last.write_bytes(files.last.read_bytes()[: int(share * files.last.stat().st_size)])
     with pytest.raises(InputError, match="is cut off or no checkpoint") as error:
@@ -54,12 +57,23 @@ def test_with_none_before_it_is_refused_in_one_line(files, share):
     assert "\n" not in str(error.value)
 
 
-def test_none_at_all_is_refused(files):
+def test_a_missing_checkpoint_is_refused(files):
     with pytest.raises(InputError, match="there is no checkpoint to resume"):
         files.load()
 
 
-def test_a_full_disk_leaves_the_checkpoints_that_were_there(files, monkeypatch):
+def test_checkpoints_of_version_0_1_are_refused_in_one_line(files):
+    """They have the same header without a format."""
+    for step in (1, 2):
+        files.save(checkpoint(step))
+    for path in (files.previous, files.last):
+        save_file(load_file(path), path, {"run": '{"step": 1}', "config": "{}"})
+    with pytest.raises(InputError, match=r"of another version of surfsup, .*; start a new run") as error:
+        files.load()
+    assert "\n" not in str(error.value)
+
+
+def test_a_full_disk_leaves_the_existing_checkpoints(files, monkeypatch):
     def full(*arguments, **options):
         raise OSError(28, "No space left on device")
 

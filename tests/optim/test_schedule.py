@@ -3,23 +3,23 @@ from itertools import pairwise
 import pytest
 
 from surfsup.optim.schedule import learning_rate
-from tests.training.conftest import config
+from tests.optim.conftest import config
 
 RATES = {"steps": 1000, "warm_up": 100, "learning_rate": 2e-3, "final_learning_rate": 2e-5}
 
 
 @pytest.mark.parametrize(("schedule", "middle"), [("cosine", (2e-3 + 2e-5) / 2), ("exponential", 2e-4)])
-def test_the_learning_rate_rises_and_falls_to_its_end(schedule, middle):
-    of = config(schedule=schedule, **RATES)
-    rates = [learning_rate(of, step) for step in range(1000)]
+def test_the_learning_rate_rises_linearly_and_decays_to_its_final_value(schedule, middle):
+    options = config(schedule=schedule, **RATES)
+    rates = [learning_rate(options, step) for step in range(1000)]
     assert rates[0] == pytest.approx(2e-5)
     assert rates[99] == rates[100] == pytest.approx(2e-3)
     assert rates[550] == pytest.approx(middle)
     assert all(a < b for a, b in pairwise(rates[:100]))
     assert all(a > b for a, b in pairwise(rates[100:]))
     assert rates[-1] == pytest.approx(2e-5, rel=0.01)
-    assert learning_rate(of, 1000) == pytest.approx(2e-5)
+    assert learning_rate(options, 1000) == pytest.approx(2e-5)
 
 
-def test_without_a_warm_up_the_first_step_has_the_full_rate():
+def test_without_warm_up_the_first_step_has_the_full_rate():
     assert learning_rate(config(**{**RATES, "warm_up": 0}), 0) == 2e-3

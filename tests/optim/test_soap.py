@@ -6,11 +6,11 @@ import torch
 from surfsup.optim.soap import Soap
 
 
-def steepness(size: int, seed: int = 0) -> torch.Tensor:
-    """Curvatures from 1 to 1e4, in no direction of a single weight."""
+def curvature_matrix(size: int, seed: int = 0) -> torch.Tensor:
+    """Curvatures from 1 to 1e4, along directions that mix all weights."""
     torch.manual_seed(seed)
-    turned = torch.linalg.qr(torch.randn(size, size)).Q
-    return turned @ torch.diag(torch.logspace(0, 4, size)) @ turned.T
+    rotation = torch.linalg.qr(torch.randn(size, size)).Q
+    return rotation @ torch.diag(torch.logspace(0, 4, size)) @ rotation.T
 
 
 def descend(optimizer: torch.optim.Optimizer, weight: torch.Tensor, curvature: torch.Tensor, steps: int) -> float:
@@ -22,12 +22,12 @@ def descend(optimizer: torch.optim.Optimizer, weight: torch.Tensor, curvature: t
     return float(loss.detach())
 
 
-def test_what_is_no_matrix_moves_as_by_adam():
+def test_a_vector_is_updated_as_by_adam():
     torch.manual_seed(0)
     ours, theirs = torch.zeros(5, requires_grad=True), torch.zeros(5, requires_grad=True)
     soap, adam = Soap([ours], lr=0.01), torch.optim.Adam([theirs], lr=0.01, betas=(0.95, 0.98))
     ours.grad = torch.randn(5)
-    soap.step()  # the first gradient only lays the bases
+    soap.step()  # the first gradient only initializes the bases
     for _ in range(20):
         ours.grad = torch.randn(5)
         theirs.grad = ours.grad.clone()
@@ -37,31 +37,31 @@ def test_what_is_no_matrix_moves_as_by_adam():
     assert ours.abs().min() > 0
 
 
-def test_a_valley_that_lies_askew_is_gone_down_in_far_fewer_steps_than_by_adam():
-    curvature, start = steepness(8), torch.ones(8, 4)
-    left = {}
+def test_a_rotated_valley_takes_far_fewer_steps_than_with_adam():
+    curvature, start = curvature_matrix(8), torch.ones(8, 4)
+    losses = {}
     for optimizer in (Soap, torch.optim.Adam):
         weight = start.clone().requires_grad_()
-        left[optimizer] = descend(optimizer([weight], lr=0.03), weight, curvature, 300)
-    assert left[Soap] < 0.05 * left[torch.optim.Adam]
+        losses[optimizer] = descend(optimizer([weight], lr=0.03), weight, curvature, 300)
+    assert losses[Soap] < 0.05 * losses[torch.optim.Adam]
 
 
-def test_the_bases_stay_orthogonal_and_turn_to_the_eigenvectors():
+def test_the_bases_stay_orthogonal_and_approach_the_eigenvectors():
     torch.manual_seed(0)
     weight = torch.zeros(6, 3, requires_grad=True)
     soap, spread = Soap([weight], lr=1e-3), torch.diag(torch.logspace(0, 2, 6))
-    turned = torch.linalg.qr(torch.randn(6, 6)).Q
+    rotation = torch.linalg.qr(torch.randn(6, 6)).Q
     for _ in range(2000):
-        weight.grad = turned @ spread @ torch.randn(6, 3)
+        weight.grad = rotation @ spread @ torch.randn(6, 3)
         soap.step()
     basis, products = soap.state[weight]["rows_basis"], soap.state[weight]["rows"]
     torch.testing.assert_close(basis.T @ basis, torch.eye(6), atol=1e-5, rtol=0)
-    seen = basis.T @ products @ basis
-    assert (seen - torch.diag(seen.diagonal())).norm() < 0.1 * products.norm()
+    rotated = basis.T @ products @ basis
+    assert (rotated - torch.diag(rotated.diagonal())).norm() < 0.1 * products.norm()
     assert (products - torch.diag(products.diagonal())).norm() > 0.3 * products.norm()
 
 
-def test_what_has_no_gradient_stays():
+def test_a_parameter_without_gradient_stays():
     still, moving = torch.ones(3, 2, requires_grad=True), torch.ones(3, 2, requires_grad=True)
     soap = Soap([still, moving], lr=0.1)
     moving.grad = torch.ones(3, 2)
@@ -71,7 +71,7 @@ def test_what_has_no_gradient_stays():
     assert not torch.equal(moving, torch.ones(3, 2))
 
 
-def test_a_first_gradient_of_nothing_moves_nothing():
+def test_zero_gradients_change_nothing():
     weight = torch.ones(3, 2, requires_grad=True)
     soap = Soap([weight], lr=0.1)
     weight.grad = torch.zeros(3, 2)
@@ -81,8 +81,8 @@ def test_a_first_gradient_of_nothing_moves_nothing():
 
 
 @pytest.mark.parametrize("steps", [1, 9, 10, 25])
-def test_its_state_is_tensors_with_which_another_goes_on_bit_by_bit(steps):
-    curvature = steepness(5)
+def test_its_state_is_tensors_from_which_another_continues_bit_for_bit(steps):
+    curvature = curvature_matrix(5)
     weight = torch.ones(5, 2, requires_grad=True)
     soap = Soap([weight], lr=0.01)
     descend(soap, weight, curvature, steps)

@@ -3,17 +3,18 @@ import signal
 
 import pytest
 
-from surfsup.optim.stopping import Stop
+from surfsup.errors import InputError
+from surfsup.optim.stopping import Stop, parse_duration
 
 
-def test_time_that_is_up_stops():
+def test_a_time_limit_stops():
     assert not Stop()()
     assert not Stop(1000)()
     assert Stop(0)()
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_a_signal_stops_and_a_second_one_ends_at_once(number):
+def test_a_signal_stops_and_a_second_one_interrupts(number):
     before = signal.getsignal(number)
     with Stop() as stop:
         assert not stop()
@@ -23,3 +24,14 @@ def test_a_signal_stops_and_a_second_one_ends_at_once(number):
         with pytest.raises(KeyboardInterrupt):
             os.kill(os.getpid(), number)
     assert signal.getsignal(number) is before
+
+
+@pytest.mark.parametrize(("text", "seconds"), [("90s", 90), ("30m", 1800), ("1.5h", 5400), (" 2m", 120)])
+def test_durations_have_a_unit(text, seconds):
+    assert parse_duration(text) == seconds
+
+
+@pytest.mark.parametrize("text", ["", "5", "m", "-3m", "0s", "infs", "nanm", "3 days"])
+def test_other_texts_are_not_durations(text):
+    with pytest.raises(InputError, match="is not a length of time"):
+        parse_duration(text)

@@ -12,8 +12,7 @@ from torch import Tensor
 
 from surfsup.design.run import DesignRun
 from surfsup.errors import InputError
-from surfsup.optim.checkpoint import Checkpoint
-from surfsup.training.run import part_of
+from surfsup.optim.checkpoint import Checkpoint, without_prefix
 
 
 def save(run: DesignRun) -> None:
@@ -57,16 +56,16 @@ def resume(run: DesignRun) -> None:
         raise InputError(f"{file}: belongs to a design with other settings; give the same as before, or a new folder")
     try:
         tensors, counters, ascent = checkpoint.tensors, checkpoint.counters, run.ascent
-        values = part_of(tensors, "values.")
+        values = without_prefix("values.", tensors)
         ascent.values = {name: values[name].requires_grad_() for name in run.start}
         ascent.memory = {name: tensors[f"ascent.{name}"] for name in ascent.memory}
-        run.trust.memory = part_of(tensors, "trust.")
+        run.trust.memory = without_prefix("trust.", tensors)
         run.trust.doubted, run.trust.broken = bool(counters["doubted"]), counters["broken"]
         run.trust.still = counters["still"]
         ascent.iteration, ascent.cut = counters["iteration"], counters["cut"]
         ascent.lengths, run.rewards = tensors["lengths"].tolist(), tensors["rewards"].tolist()
         run.found_after, run.simulations = tensors["found_after"].tolist(), counters["simulations"]
-        columns = part_of(tensors, "designs.")
+        columns = without_prefix("designs.", tensors)
         run.designs = [{name: columns[name][number] for name in run.start} for number in range(len(run.rewards))]
         run.seconds, run.work = counters["seconds"], counters["work"]
     except (KeyError, IndexError) as error:

@@ -1,1 +1,1 @@
-"""Networks fitted to shapes: SIRENs to one, DeepSDFs to many."""
+"""Fitting neural surfaces: a SIREN to one shape, a DeepSDF to many."""

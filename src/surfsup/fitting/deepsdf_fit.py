@@ -1,4 +1,4 @@
-"""A DeepSDF fitted to many shapes: one network, and a latent code for each (an auto-decoder)."""
+"""Fitting a DeepSDF to many shapes: one network and a latent code for each shape (an auto-decoder)."""
 
 from __future__ import annotations
 
@@ -14,51 +14,51 @@ import torch
 from pydantic import Field
 from torch import Tensor, nn
 
-from surfsup import __version__
 from surfsup.errors import InputError
-from surfsup.fitting.exact import Exact, joined_of
+from surfsup.fitting.exact_shape import ExactShape, concatenate
 from surfsup.fitting.fit import Fit, FitConfig
 from surfsup.fitting.shape_set import ShapeSet
-from surfsup.sdf.neural.code_network import CodeNetwork, CodeSizes
+from surfsup.optim.config import Count, NonNegative, Positive
 from surfsup.sdf.neural.deepsdf import DeepSdf
+from surfsup.sdf.neural.deepsdf_decoder import DecoderSizes, DeepSdfDecoder
 
-CLAMP = 0.1  # of the cube: distances beyond are all alike to the loss (DeepSDF's δ)
-SPREADS = (0.02, 0.07)  # noise of the samples about the surface; DeepSDF's variances are 0.0005 and 0.005
-CROWDED, ELSEWHERE = 12_000, 1_500  # samples of each shape
-REACH = 1.1  # of the cube [-1, 1]³: where the samples elsewhere lie
-HELD_OUT = 500  # of each shape's samples, by which the fit is judged
-JUDGED = 50  # shapes
+CLAMP = 0.1  # the loss ignores differences of distances beyond; δ of DeepSDF
+SPREADS = (0.02, 0.07)  # standard deviations of samples around the surface; DeepSDF's variances are 0.0005 and 0.005
+AROUND_SAMPLES, CUBE_SAMPLES = 12_000, 1_500  # of each shape
+REACH = 1.1  # half side of the cube of the latter
+HELD_OUT = 500  # samples of each shape that measure the error
+HELD_OUT_SHAPES = 50
 
 
 class DeepSdfConfig(FitConfig):
-    """How a DeepSDF is fitted.
+    """The options of a DeepSDF's fit.
 
     Attributes:
-        width, layers, code, octaves: of the network.
-        shapes: in a step.
-        points: of each of these.
-        prior: weight of |z|², which keeps the codes near the origin (a Gaussian prior).
+        width, layers, code, octaves: sizes of the network.
+        shapes: shapes a step.
+        points: points of each of these shapes.
+        prior: weight of |z|², a Gaussian prior that keeps the codes near the origin.
     """
 
-    steps: int = Field(default=20_000, ge=1)
-    learning_rate: float = Field(default=2e-3, gt=0, allow_inf_nan=False)
+    steps: Count = 20_000
+    learning_rate: Positive = 2e-3
     width: int = Field(default=128, ge=1, le=1024)
     layers: int = Field(default=5, ge=2, le=16)
     code: int = Field(default=32, ge=1, le=1024)
     octaves: int = Field(default=3, ge=0, le=8)
-    shapes: int = Field(default=64, ge=1)
-    points: int = Field(default=64, ge=1)
-    prior: float = Field(default=1e-4, ge=0, allow_inf_nan=False)
+    shapes: Count = 64
+    points: Count = 64
+    prior: NonNegative = 1e-4
 
     @property
-    def sizes(self) -> CodeSizes:
-        """The network's."""
-        return CodeSizes(self.width, self.layers, self.code, self.octaves)
+    def sizes(self) -> DecoderSizes:
+        """The sizes of the network."""
+        return DecoderSizes(self.width, self.layers, self.code, self.octaves)
 
 
 @dataclass(frozen=True)
 class ShapeSamples:
-    """Points about many shapes and their distances.
+    """Points around many shapes and their distances.
 
     Attributes:
         names: of the S shapes.
@@ -71,100 +71,92 @@ class ShapeSamples:
     distance: Tensor
 
 
-def samples_of(exact: Exact, random: np.random.Generator) -> tuple[Tensor, Tensor]:
-    """Points (K, 3) crowded about the surface of a shape, some anywhere, in random order, and distances (K,).
+def sample_shape(shape: ExactShape, random: np.random.Generator) -> tuple[Tensor, Tensor]:
+    """Points (K, 3) of a shape, most of them around its surface, in random order, and their distances (K,).
 
     Raises:
-        InputError: too few of them are known.
+        InputError: the distance of too few points is known.
     """
-    known = joined_of([exact.around(CROWDED, SPREADS, random), exact.in_cube(ELSEWHERE, REACH, random)])
-    total = CROWDED + ELSEWHERE
-    if len(known.points) < total // 10:
-        raise InputError("hardly a point about it is known to be inside or outside; close its holes")
-    order = random.permutation(np.resize(np.arange(len(known.points)), total))
-    return torch.from_numpy(known.points[order]).float(), torch.from_numpy(known.distance[order]).float()
+    around = shape.sample_around(AROUND_SAMPLES, SPREADS, random)
+    samples = concatenate([around, shape.sample_cube(CUBE_SAMPLES, REACH, random)])
+    total = AROUND_SAMPLES + CUBE_SAMPLES
+    if len(samples.points) < total // 10:
+        raise InputError("almost no point around it is known to be inside or outside; close its holes")
+    order = random.permutation(np.resize(np.arange(len(samples.points)), total))
+    return torch.from_numpy(samples.points[order]).float(), torch.from_numpy(samples.distance[order]).float()
 
 
-def draw_samples(shapes: ShapeSet, seed: int, tell: Callable[[int, int], None]) -> ShapeSamples:
-    """Samples of all ``shapes`` that can be used, drawn by ``seed``; ``tell`` is told how many are done.
+def sample_shapes(shapes: ShapeSet, seed: int, progress: Callable[[int, int], None]) -> ShapeSamples:
+    """Samples of all ``shapes`` that can be used; ``progress`` is called with the numbers of shapes done and in all.
 
     Raises:
-        InputError: none can be used.
+        InputError: no shape can be used.
     """
     names, points, distances, reason = [], [], [], ""
     for number, name in enumerate(shapes.names):
         try:
-            of_one = samples_of(shapes.exact(name), np.random.default_rng([seed, number]))
+            of_shape = sample_shape(shapes.shape(name), np.random.default_rng([seed, number]))
         except InputError as error:
             reason = str(error)
             warnings.warn(f"{name}: left out, {reason}", stacklevel=1)
             continue
         finally:
-            tell(number + 1, len(shapes.names))
+            progress(number + 1, len(shapes.names))
         names.append(name)
-        points.append(of_one[0])
-        distances.append(of_one[1])
+        points.append(of_shape[0])
+        distances.append(of_shape[1])
     if not names:
         raise InputError(f"none of the {len(shapes.names)} shapes can be used; the last: {reason}")
     return ShapeSamples(names, torch.stack(points), torch.stack(distances))
 
 
 class AutoDecoder(nn.Module):
-    """The network and the codes (S, C) of the shapes that it is fitted to.
+    """The network and the codes (S, C) of the shapes.
 
-    Codes start from a normal distribution of norm 1, as DeepSDF's.
+    The codes are initialized from a normal distribution with expected squared norm 1, as in DeepSDF.
     """
 
-    def __init__(self, sizes: CodeSizes, shapes: int) -> None:
+    def __init__(self, sizes: DecoderSizes, shapes: int) -> None:
         super().__init__()
-        self.decoder = CodeNetwork(sizes)
+        self.decoder = DeepSdfDecoder(sizes)
         self.codes = nn.Parameter(torch.randn(shapes, sizes.code) / math.sqrt(sizes.code))
 
 
-class DeepSdfFit(Fit):
-    """Network and codes on their way to ``samples``."""
-
-    network: AutoDecoder
+class DeepSdfFit(Fit[DeepSdfConfig, AutoDecoder]):
+    """The fit of a network and codes to ``samples``."""
 
     def __init__(self, config: DeepSdfConfig, samples: ShapeSamples, folder: Path) -> None:
         torch.manual_seed(config.seed)
         super().__init__(config, AutoDecoder(config.sizes, len(samples.names)), folder)
-        self.options, self.samples = config, samples
+        self.samples = samples
 
-    def loss(self, random: torch.Generator) -> Tensor:
-        """Mean difference of the clamped distances, and the prior on the codes (Park et al., 2019, equation 9)."""
-        count, total = len(self.samples.names), self.samples.points.shape[1]
-        which = torch.randint(count, (self.options.shapes,), generator=random)
-        of_each = torch.randint(HELD_OUT, total, (self.options.shapes, self.options.points), generator=random)
-        points = self.samples.points[which[:, None], of_each]
-        distance = self.samples.distance[which[:, None], of_each]
-        codes = self.network.codes[which]
-        off = clamped_error(self.network.decoder.value(points, codes), distance)
-        return off + self.options.prior * codes.square().sum(dim=-1).mean()
+    def loss(self, batch: torch.Generator) -> Tensor:
+        """Mean error of the clamped distances, and the prior on the codes (Park et al., 2019, equation 9)."""
+        config, samples = self.config, self.samples
+        shapes = torch.randint(len(samples.names), (config.shapes,), generator=batch)
+        numbers = torch.randint(HELD_OUT, samples.points.shape[1], (config.shapes, config.points), generator=batch)
+        points, distance = samples.points[shapes[:, None], numbers], samples.distance[shapes[:, None], numbers]
+        codes = self.model.codes[shapes]
+        error = clamped_error(self.model.decoder.value(points, codes), distance)
+        return error + config.prior * codes.square().sum(dim=-1).mean()
 
-    def error(self) -> float:
-        """The same difference on the samples held out, of some of the shapes."""
-        pick = torch.linspace(0, len(self.samples.names) - 1, min(JUDGED, len(self.samples.names))).long()
+    def error(self, model: AutoDecoder) -> float:
+        """Mean error of the clamped distances of some of the shapes on samples held out."""
+        count = len(self.samples.names)
+        shapes = torch.linspace(0, count - 1, min(HELD_OUT_SHAPES, count)).long()
         with torch.no_grad():
-            value = self.network.decoder.value(self.samples.points[pick, :HELD_OUT], self.network.codes[pick])
-            return float(clamped_error(value, self.samples.distance[pick, :HELD_OUT]))
+            value = model.decoder.value(self.samples.points[shapes, :HELD_OUT], model.codes[shapes])
+            return float(clamped_error(value, self.samples.distance[shapes, :HELD_OUT]))
 
 
-def shapes_of(fit: DeepSdfFit, about: dict[str, Any]) -> DeepSdf:
-    """The best network and codes of ``fit``."""
-    best = AutoDecoder(fit.options.sizes, len(fit.samples.names))
-    best.load_state_dict(fit.best or fit.network.state_dict())
-    made = {
-        "version": __version__,
-        "steps": fit.step,
-        "seconds": round(fit.seconds, 1),
-        "processor_seconds": round(fit.processor_seconds, 1),
-        "options": fit.options.model_dump(),
-        "error": fit.least,
-    }
-    return DeepSdf(best.decoder.requires_grad_(False), best.codes.detach(), fit.samples.names, {**about, **made})
+def fitted_shapes(fit: DeepSdfFit, about: dict[str, Any]) -> DeepSdf:
+    """The best network and codes of ``fit``; ``about`` goes into the header of its file."""
+    best = AutoDecoder(fit.config.sizes, len(fit.samples.names))
+    best.load_state_dict(fit.best or fit.model.state_dict())
+    about = {**about, **fit.provenance(), "error": fit.best_score}
+    return DeepSdf(best.decoder.requires_grad_(False), best.codes.detach(), fit.samples.names, about)
 
 
 def clamped_error(value: Tensor, distance: Tensor) -> Tensor:
-    """Mean difference of two distances, both clamped."""
+    """Mean absolute difference of two distances, both clamped."""
     return (value.clamp(-CLAMP, CLAMP) - distance.clamp(-CLAMP, CLAMP)).abs().mean()

@@ -1,187 +1,186 @@
-"""A network being fitted, and all that is needed to stop at any moment and go on as if it had not."""
+"""The fit of a network to shapes: options, state, and when it has diverged."""
 
 from __future__ import annotations
 
 import math
-from abc import ABC, abstractmethod
+from abc import abstractmethod
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
 import torch
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
-from torch import Tensor, nn
+from pydantic import ValidationError
+from torch import Tensor
 
+from surfsup import __version__
 from surfsup.errors import InputError
-from surfsup.optim.checkpoint import Checkpoint, CheckpointFiles
-from surfsup.scene.validation_message import one_line
-from surfsup.sdf.neural.surface_file import part
-from surfsup.training.config import values_of
+from surfsup.optim.checkpoint import CheckpointFiles, with_prefix, without_prefix
+from surfsup.optim.config import (
+    Count,
+    Decay,
+    NonNegative,
+    NonNegativeInt,
+    OptimizationConfig,
+    Positive,
+    parse_overrides,
+)
+from surfsup.optim.loop import Progress, optimize
+from surfsup.optim.run import Diverged, Model, Run
+from surfsup.scene.validation_error import format_validation_error
+from surfsup.sdf.neural.surface_file import SUFFIX
+
+RUNAWAY_RATIO = 8.0  # a smoothed loss this many times its minimum has diverged
+ERROR_RATIO = 3.0  # so has an error this many times the least
+SETTLING_STEPS = 50  # before these no loss counts as diverged
 
 
-class FitConfig(BaseModel):
-    """What every fit is told; those of a kind are told more.
+class FitConfig(OptimizationConfig):
+    """The options of every fit; subclasses add their own."""
 
-    Attributes:
-        steps: of the optimizer, over which the learning rate falls.
-        learning_rate, final_learning_rate: of Adam, at the start and at the end of a cosine.
-        warm_up: steps over which the learning rate rises.
-        clip: the largest norm of the gradient; a longer one is shortened.
-        averaging: decay of the moving average of the weights, which is what is judged and kept.
-        judge_every: steps between two measurements.
-        seed: of the first weights, the points and the order in which they come.
-    """
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-    steps: int = Field(default=8_000, ge=1)
-    learning_rate: float = Field(default=5e-4, gt=0, allow_inf_nan=False)
-    final_learning_rate: float = Field(default=1e-5, ge=0, allow_inf_nan=False)
-    warm_up: int = Field(default=100, ge=0)
-    clip: float = Field(default=1.0, gt=0)
-    averaging: float = Field(default=0.998, ge=0, lt=1)
-    judge_every: int = Field(default=500, ge=1)
-    seed: int = Field(default=0, ge=0)
-
-    def rate(self, step: int) -> float:
-        """The learning rate at ``step``: a linear rise, then a cosine."""
-        if step < self.warm_up:
-            return self.learning_rate * (step + 1) / self.warm_up
-        share = min(1.0, (step - self.warm_up) / max(1, self.steps - self.warm_up))
-        low, high = self.final_learning_rate, self.learning_rate
-        return low + 0.5 * (high - low) * (1 + math.cos(math.pi * share))
+    steps: Count = 8_000
+    learning_rate: Positive = 5e-4
+    final_learning_rate: NonNegative = 1e-5
+    warm_up: NonNegativeInt = 100
+    averaging: Decay = 0.998
+    validate_every: Count = 500
 
 
 Config = TypeVar("Config", bound=FitConfig)
 
 
-class Fit(ABC):
-    """A network being fitted, its optimizer and its folder.
+@dataclass(frozen=True)
+class FitError:
+    """The error of a fit on points held out from it."""
+
+    value: float
+
+    def __str__(self) -> str:
+        return f"error {self.value:.3g}"
+
+
+class Fit(Run[Config, Model, torch.Generator]):
+    """A network that is fitted by Adam. The batches of its loss are drawn from a random generator.
 
     Attributes:
-        network: what is fitted.
-        average: the moving average of its parameters, as they come.
-        best: the parameters with the smallest error so far, empty before any was measured.
-        least: that error.
-        step: how many are done.
-        seconds, processor_seconds: spent on them.
-        files: of the checkpoint.
+        best: the averaged parameters with the least error so far, empty before the first validation.
     """
 
-    def __init__(self, config: FitConfig, network: nn.Module, folder: Path) -> None:
-        self.config, self.network, self.folder = config, network, folder
-        self.optimizer = torch.optim.Adam(network.parameters(), lr=config.learning_rate, betas=(0.9, 0.99), fused=True)
-        self.average = [parameter.detach().clone() for parameter in network.parameters()]
+    def __init__(self, config: Config, model: Model, folder: Path) -> None:
+        optimizer = torch.optim.Adam(model.parameters(), lr=config.learning_rate, betas=(0.9, 0.99), fused=True)
+        super().__init__(config, folder, model, optimizer)
         self.best: dict[str, Tensor] = {}
-        self.least = math.inf
-        self.step = 0
-        self.seconds = self.processor_seconds = 0.0
-        self.files = CheckpointFiles(folder)
 
     @abstractmethod
-    def loss(self, random: torch.Generator) -> Tensor:
-        """What is minimized, on points drawn by ``random``."""
+    def error(self, model: Model) -> float:
+        """The error of ``model`` on points held out from the fit."""
 
-    @abstractmethod
-    def error(self) -> float:
-        """How far the network is off on points that it was not fitted to; the least is kept."""
+    def generator(self, step: int) -> torch.Generator:
+        """The random generator of the batch of ``step``."""
+        return torch.Generator().manual_seed(self.config.seed * 1_000_003 + step)
 
-    def take_step(self) -> float:
-        """One step of the optimizer; returns the loss. The weights stay as they were where it is not finite."""
-        random = torch.Generator().manual_seed(self.config.seed * 1_000_003 + self.step)
-        for group in self.optimizer.param_groups:
-            group["lr"] = self.config.rate(self.step)
-        self.optimizer.zero_grad()
-        loss = self.loss(random)
-        value = float(loss.detach())
-        if math.isfinite(value):
-            loss.backward()
-            norm = nn.utils.clip_grad_norm_(self.network.parameters(), self.config.clip)
-            value = value if bool(torch.isfinite(norm)) else math.nan
-        if math.isfinite(value):
-            self.optimizer.step()
-            self.step += 1
-            decay = min(self.config.averaging, 1 - 1 / (self.step / 10 + 1))
-            torch._foreach_lerp_(self.average, [p.detach() for p in self.network.parameters()], 1 - decay)
-        return value
-
-    def judge(self) -> float:
-        """Measure the average and keep it if it is the best so far; returns its error."""
-        own = [parameter.detach().clone() for parameter in self.network.parameters()]
-        self.set_parameters(self.average)
-        error = self.error()
-        if error < self.least:
-            self.least = error
-            self.best = {name: value.detach().clone() for name, value in self.network.state_dict().items()}
-        self.set_parameters(own)
-        return error
-
-    def set_parameters(self, values: list[Tensor]) -> None:
-        """Give the network other parameters."""
-        with torch.no_grad():
-            for parameter, value in zip(self.network.parameters(), values, strict=True):
-                parameter.copy_(value)
-
-    def save(self) -> None:
-        """Write all that the fit needs to go on.
+    def validate(self) -> FitError:
+        """Measure the error of the average and keep it if it is the best so far.
 
         Raises:
-            InputError: the disk is full or not writable.
+            Diverged: the error is far above the least so far.
         """
-        self.folder.mkdir(parents=True, exist_ok=True)
-        tensors = {f"network.{name}": value for name, value in self.network.state_dict().items()}
-        tensors |= {f"average.{number}": value for number, value in enumerate(self.average)}
-        tensors |= {f"best.{name}": value for name, value in self.best.items()}
-        for number, state in self.optimizer.state_dict()["state"].items():
-            tensors |= {f"optimizer.{number}.{name}": value for name, value in state.items()}
-        counters: dict[str, Any] = {
-            "step": self.step,
-            "least": self.least,
-            "seconds": self.seconds,
-            "processor_seconds": self.processor_seconds,
+        error = self.error(self.average)
+        if error < self.best_score:
+            self.best_score = error
+            self.best = {name: value.detach().clone() for name, value in self.average.state_dict().items()}
+        if error > ERROR_RATIO * self.best_score:
+            raise Diverged(self.describe_divergence(f"error {error:.4g}"))
+        return FitError(error)
+
+    def divergence_message(self, batch: torch.Generator) -> str:
+        """The error message for a loss or a gradient that is not finite."""
+        return self.describe_divergence("the loss is not a number")
+
+    def describe_divergence(self, reason: str) -> str:
+        """What happened, which weights are kept, and what to try."""
+        kept = f"the best before it, with error {self.best_score:.4g}, is kept" if self.best else "nothing is kept"
+        return (
+            f"the fit diverged at step {self.step} ({reason}): {kept}; "
+            f"start again with a lower learning_rate={self.config.learning_rate / 4:.2g}"
+        )
+
+    def continues(self, config: Config) -> bool:
+        """Whether the options are the same but for ``steps``, whose schedule holds from the resumed step on."""
+        return config.model_copy(update={"steps": self.config.steps}) == self.config
+
+    def state(self) -> tuple[dict[str, Tensor], dict[str, Any]]:
+        """The tensors and counters of a checkpoint."""
+        tensors, counters = super().state()
+        return tensors | with_prefix("best.", self.best), counters
+
+    def load_state(self, tensors: dict[str, Tensor], counters: dict[str, Any]) -> None:
+        """Restore what :meth:`state` returned.
+
+        Raises:
+            KeyError, TypeError, ValueError, RuntimeError: something is missing or of another shape.
+        """
+        super().load_state(tensors, counters)
+        self.best = without_prefix("best.", tensors)
+
+    def provenance(self) -> dict[str, Any]:
+        """The origin of the fitted network, for the header of its file."""
+        return {
+            "version": __version__,
+            "steps": self.step,
+            "seconds": round(self.seconds, 1),
+            "processor_seconds": round(self.processor_seconds, 1),
+            "options": self.config.model_dump(),
         }
-        self.files.save(Checkpoint(tensors, counters, self.config.model_dump_json()))
-
-    def resume(self) -> None:
-        """Go on from the checkpoint in the folder; ``steps`` alone may be others than those that it was begun with.
-
-        With more steps the learning rate is from then on that of the longer fit at this step.
-
-        Raises:
-            InputError: there is none, it is cut off, or it belongs to other options or another input.
-        """
-        checkpoint = self.files.load()
-        try:
-            begun = type(self.config).model_validate_json(checkpoint.config)
-            same = begun.model_copy(update={"steps": self.config.steps}) == self.config
-        except ValidationError:
-            same = False
-        if not same:
-            raise InputError(f"{self.files.last}: belongs to a fit with other options; give those, or another -o")
-        tensors, counters = checkpoint.tensors, checkpoint.counters
-        try:
-            self.network.load_state_dict(part(tensors, "network."))
-            self.average = [tensors[f"average.{number}"] for number in range(len(self.average))]
-            self.best = part(tensors, "best.")
-            states: dict[int, dict[str, Tensor]] = {}
-            for name, value in part(tensors, "optimizer.").items():
-                number, key = name.split(".", 1)
-                states.setdefault(int(number), {})[key] = value
-            groups = self.optimizer.state_dict()["param_groups"]
-            self.optimizer.load_state_dict({"state": states, "param_groups": groups})
-            self.step, self.least = counters["step"], counters["least"]
-            self.seconds, self.processor_seconds = counters["seconds"], counters["processor_seconds"]
-        except (KeyError, TypeError, ValueError, RuntimeError) as error:
-            reason = " ".join(str(error).split())[:120]
-            raise InputError(f"{self.files.last}: is no checkpoint of this fit ({reason})") from None
 
 
-def config_of(kind: type[Config], overrides: list[str] | None) -> Config:
-    """The options of a fit, its defaults changed by ``key=value``.
+def run_fit(
+    fit: Fit[Config, Model],
+    stop: Callable[[], bool] = lambda: False,
+    report: Callable[[Progress[FitError]], None] | None = None,
+) -> None:
+    """Fit until all steps are done or ``stop`` returns True; then validate and leave a checkpoint.
 
     Raises:
-        InputError: an unknown key, or a value out of range.
+        Diverged: the loss is not finite or has run away; the best weights before are in ``fit.best``.
+    """
+    first_step, lowest = fit.step, math.inf
+
+    def watch(progress: Progress[FitError]) -> None:
+        nonlocal lowest
+        lowest = min(lowest, progress.loss)
+        if progress.step - first_step > SETTLING_STEPS and progress.loss > RUNAWAY_RATIO * lowest:
+            raise Diverged(fit.describe_divergence(f"loss {progress.last_step.loss:.4g}"))
+        if report is not None:
+            report(progress)
+
+    optimize(fit, fit.generator, fit.validate, stop, watch)
+    if fit.step > fit.validated_step:
+        fit.validate()
+        fit.save()
+
+
+def fit_config(kind: type[Config], overrides: Iterable[str] = ()) -> Config:
+    """The options of a fit: the defaults with ``key=value`` overrides.
+
+    Raises:
+        InputError: a key is unknown, or a value is out of range.
     """
     try:
-        return kind.model_validate(values_of(overrides or []))
+        return kind.model_validate(parse_overrides(overrides))
     except ValidationError as error:
-        raise InputError(f"options of the fit: {one_line(error, kind)}") from None
+        raise InputError(f"options of the fit: {format_validation_error(error, kind)}") from None
+
+
+def fit_folder(out: Path, resume: bool) -> Path:
+    """The folder of the checkpoints of a fit, beside its output file ``out``.
+
+    Raises:
+        InputError: ``out`` has another suffix, or the folder holds a fit already that is not to be resumed.
+    """
+    if out.suffix != SUFFIX:
+        raise InputError(f"{out}: a surface is written as {SUFFIX}; give -o {out.stem or 'surface'}{SUFFIX}")
+    folder = out.with_suffix(".fit")
+    if not resume and CheckpointFiles(folder).exist():
+        raise InputError(f"{folder}: holds a fit already; continue it with --resume, or give another -o")
+    return folder

@@ -1,33 +1,36 @@
-"""The solids between two latent codes."""
+"""Solids at latent codes between two shapes."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import torch
-import trimesh
 from torch import Tensor
 
 from surfsup.errors import InputError
 from surfsup.sdf.marching_cubes import polygonize
 from surfsup.sdf.neural.deepsdf import DeepSdf
 
+if TYPE_CHECKING:
+    import trimesh
+
 RESOLUTION = 96  # cells along the cube
 
 
 @dataclass(frozen=True)
-class Between:
-    """A solid on the way from one code to another.
+class InterpolatedSolid:
+    """The solid of an interpolated code.
 
     Attributes:
-        share: of the second code, 0 to 1.
-        mesh: of it, in the cube of side 2; None where the code has no inside.
-        parts: connected parts of the mesh.
-        closed: whether the mesh is.
+        fraction: 0 at the first code, 1 at the second.
+        mesh: in the cube of side 2; None where the code has no inside.
+        parts: number of connected parts of the mesh.
+        closed: whether the mesh is watertight.
     """
 
-    share: float
+    fraction: float
     mesh: trimesh.Trimesh | None
     parts: int
     closed: bool
@@ -37,34 +40,43 @@ class Between:
         """Whether it is one connected, closed mesh."""
         return self.parts == 1 and self.closed
 
-    def at(self, share: float) -> Between:
-        """The same solid at another share."""
-        return replace(self, share=share)
+    def at(self, fraction: float) -> InterpolatedSolid:
+        """The same solid at another fraction."""
+        return replace(self, fraction=fraction)
 
 
 def interpolate(
     shapes: DeepSdf, first: Tensor, second: Tensor, steps: int, resolution: int = RESOLUTION
-) -> Iterator[Between]:
-    """The solids of ``steps`` codes evenly from ``first`` (C,) to ``second`` (C,), both ends among them.
+) -> Iterator[InterpolatedSolid]:
+    """The solids of ``steps`` codes spaced evenly from ``first`` (C,) to ``second`` (C,), both included.
 
     Raises:
-        InputError: there are fewer than two steps, or a code is of another length.
+        InputError: there are fewer than two steps, or a code has another length.
     """
-    if steps < 2:
-        raise InputError(f"an interpolation of {steps} steps has no two ends; give at least 2")
-    for share in torch.linspace(0, 1, steps).tolist():
-        yield solid_between(shapes, (1 - share) * first + share * second, share, resolution)
+    require_two(steps)
+    for fraction in torch.linspace(0, 1, steps).tolist():
+        yield interpolated_solid(shapes, (1 - fraction) * first + fraction * second, fraction, resolution)
 
 
-def solid_between(shapes: DeepSdf, code: Tensor, share: float, resolution: int) -> Between:
-    """The solid of ``code`` (C,), which lies at ``share`` of the way; ``resolution`` cells along the cube.
+def interpolated_solid(shapes: DeepSdf, code: Tensor, fraction: float, resolution: int) -> InterpolatedSolid:
+    """The solid of ``code`` (C,), meshed with ``resolution`` cells along the cube.
 
     Raises:
-        InputError: the code is of another length.
+        InputError: the code has another length.
     """
     surface = shapes.surface(code)
     try:
         mesh = polygonize(surface, resolution)
     except InputError:
-        return Between(share, None, 0, False)
-    return Between(share, mesh, int(mesh.body_count), bool(mesh.is_watertight))
+        return InterpolatedSolid(fraction, None, 0, False)
+    return InterpolatedSolid(fraction, mesh, int(mesh.body_count), bool(mesh.is_watertight))
+
+
+def require_two(steps: int) -> None:
+    """Check that an interpolation has two ends.
+
+    Raises:
+        InputError: it does not.
+    """
+    if steps < 2:
+        raise InputError(f"an interpolation of {steps} steps has no two ends; give at least 2")

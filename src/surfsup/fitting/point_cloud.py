@@ -1,8 +1,9 @@
-"""Oriented point clouds: places on a surface, each with the direction that points out of the solid."""
+"""Oriented point clouds: points on a surface with outward normals."""
 
 from __future__ import annotations
 
 import io
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,10 +13,10 @@ from surfsup.errors import InputError
 from surfsup.sdf.mesh.mesh_file import FLAT
 from surfsup.sdf.mesh.query import unit
 
-CLOUD_ENDINGS = (".xyz", ".ply")
-FEWEST = 100  # points that a surface is told from
+CLOUD_SUFFIXES = (".xyz", ".ply")
+MIN_POINTS = 100
 NORMAL_NAMES = ("nx", "ny", "nz")
-MEND = (
+NORMALS_HINT = (
     "estimate and orient them, for instance in MeshLab ('Compute normals for point sets') or with Open3D's "
     "estimate_normals and orient_normals_consistent_tangent_plane, and export them as nx ny nz"
 )
@@ -27,7 +28,7 @@ class PointCloud:
 
     Attributes:
         points: (N, 3) in the file's own unit.
-        normals: (N, 3) of length one, out of the solid.
+        normals: (N, 3) of length one, outward.
     """
 
     points: np.ndarray
@@ -35,7 +36,7 @@ class PointCloud:
 
 
 def is_cloud(path: Path) -> bool:
-    """Whether the file ``path`` holds points and no triangles."""
+    """Whether the file ``path`` contains points but no triangles."""
     if path.suffix.lower() == ".xyz":
         return True
     if path.suffix.lower() != ".ply" or not path.is_file():
@@ -51,35 +52,35 @@ def is_cloud(path: Path) -> bool:
 
 
 def load_cloud(path: Path) -> PointCloud:
-    """The oriented points in a PLY file (x y z nx ny nz) or an XYZ file (six numbers a line).
+    """Read the oriented points of a PLY file (x y z nx ny nz) or an XYZ file (six numbers a line).
 
     Raises:
-        InputError: the file is missing or damaged, has no normals, too few points, numbers that are not finite, or is
-            flat, so that it has no inside.
+        InputError: the file is missing or damaged, has no normals, too few points or numbers that are not finite, or
+            all points are in a plane.
     """
     if not path.is_file():
         raise InputError(f"{path}: cannot be read; check the path")
-    rows = rows_of_ply(path) if path.suffix.lower() == ".ply" else rows_of_text(path)
-    if len(rows) < FEWEST:
+    rows = parse_ply(path) if path.suffix.lower() == ".ply" else parse_xyz(path)
+    if len(rows) < MIN_POINTS:
         count = len(rows) or "no"
-        raise InputError(f"{path}: has {count} points; give a cloud of at least {FEWEST}, better of 100,000")
+        raise InputError(f"{path}: has {count} points; give a cloud of at least {MIN_POINTS}, better 100,000")
     if not np.isfinite(rows).all():
         raise InputError(f"{path}: has numbers that are not finite (NaN or infinity); export it again")
     points, normals = rows[:, :3], rows[:, 3:]
-    none = int((np.linalg.norm(normals, axis=1) < 1e-9).sum())
-    if none:
-        raise InputError(f"{path}: {none} of its normals are zero; {MEND}")
+    zero = int((np.linalg.norm(normals, axis=1) < 1e-9).sum())
+    if zero:
+        raise InputError(f"{path}: {zero} of its normals are zero; {NORMALS_HINT}")
     spread = np.linalg.svd(points - points.mean(axis=0), compute_uv=False, full_matrices=False)
     if spread[-1] <= FLAT * spread[0]:
         raise InputError(f"{path}: is flat, so it has no inside; give points on all sides of a solid")
     return PointCloud(points, unit(normals))
 
 
-def rows_of_text(path: Path) -> np.ndarray:
+def parse_xyz(path: Path) -> np.ndarray:
     """The numbers of an XYZ file (N, 6).
 
     Raises:
-        InputError: it is not text, or its lines do not have six numbers.
+        InputError: the file is not text, or a line does not have six numbers.
     """
     try:
         lines = path.read_text(encoding="utf-8").splitlines()
@@ -89,7 +90,7 @@ def rows_of_text(path: Path) -> np.ndarray:
     rows = np.empty((len(filled), 6))
     for row, (number, words) in zip(rows, filled, strict=True):
         if len(words) == 3:
-            raise InputError(f"{path}: its points have no normals (line {number} has 3 numbers); {MEND}")
+            raise InputError(f"{path}: its points have no normals (line {number} has 3 numbers); {NORMALS_HINT}")
         try:
             row[:] = [float(word) for word in words[:6]]
         except ValueError:
@@ -97,11 +98,11 @@ def rows_of_text(path: Path) -> np.ndarray:
     return rows
 
 
-def rows_of_ply(path: Path) -> np.ndarray:
-    """The places and normals of a PLY file (N, 6).
+def parse_ply(path: Path) -> np.ndarray:
+    """The positions and normals of a PLY file (N, 6).
 
     Raises:
-        InputError: it is damaged or has no normals.
+        InputError: the file is damaged or has no normals.
     """
     from trimesh.exchange.ply import load_ply
 
@@ -110,17 +111,17 @@ def rows_of_ply(path: Path) -> np.ndarray:
         if vertices["length"] == 0:
             return np.empty((0, 6))
         raw = vertices["data"]
-        columns = {name: np.asarray(raw[name], dtype=np.float64).reshape(-1) for name in raw_names(raw)}
-        places = np.stack([columns[name] for name in "xyz"], axis=1)
+        columns = {name: np.asarray(raw[name], dtype=np.float64).reshape(-1) for name in property_names(raw)}
+        positions = np.stack([columns[name] for name in "xyz"], axis=1)
     except Exception as error:
-        # The reader fails on damaged files in every way there is.
+        # The reader raises all kinds of exceptions on damaged files.
         reason = " ".join(str(error).split())[:120] or type(error).__name__
         raise InputError(f"{path}: is damaged or is no PLY file ({reason}); export it again") from None
     if not set(NORMAL_NAMES) <= set(columns):
-        raise InputError(f"{path}: its points have no normals (no nx, ny, nz); {MEND}")
-    return np.concatenate([places, np.stack([columns[name] for name in NORMAL_NAMES], axis=1)], axis=1)
+        raise InputError(f"{path}: its points have no normals (no nx, ny, nz); {NORMALS_HINT}")
+    return np.concatenate([positions, np.stack([columns[name] for name in NORMAL_NAMES], axis=1)], axis=1)
 
 
-def raw_names(raw: object) -> list[str]:
-    """The properties of the vertices in a PLY file, of which some readers make a mapping and some an array."""
-    return list(raw.dtype.names) if isinstance(raw, np.ndarray) else list(raw)  # type: ignore[arg-type]
+def property_names(raw: np.ndarray | Mapping[str, object]) -> list[str]:
+    """The names of the vertex properties: the reader returns binary files as an array, text files as a mapping."""
+    return list(raw.dtype.names or ()) if isinstance(raw, np.ndarray) else list(raw)

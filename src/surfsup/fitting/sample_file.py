@@ -1,4 +1,4 @@
-"""The samples of a DeepSDF's shapes on the disk, so that a fit that goes on need not draw them again."""
+"""The file of a DeepSDF's samples, so that a resumed fit need not draw them again."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def save_samples(folder: Path, samples: ShapeSamples) -> None:
 
 
 def load_samples(folder: Path) -> ShapeSamples:
-    """The samples in ``folder``.
+    """Read the samples in ``folder``.
 
     Raises:
         InputError: they are missing or damaged.

@@ -1,19 +1,18 @@
-"""What a SIREN can be fitted to: a mesh, an oriented point cloud, the solid of a scene file, or our own sculptures."""
+"""Inputs of a SIREN's fit: a mesh, an oriented point cloud, the surface of a scene, or a procedural sculpture."""
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
 from surfsup.datasets.procedural.room import room
-from surfsup.datasets.recipes.complex_scenes import SCULPTED
+from surfsup.datasets.recipes.complex_scenes import PROCEDURAL_MESHES
 from surfsup.errors import InputError
-from surfsup.fitting.exact import Exact, ExactMesh
-from surfsup.fitting.point_cloud import CLOUD_ENDINGS, is_cloud, load_cloud
+from surfsup.fitting.exact_shape import ExactMesh, ExactShape
+from surfsup.fitting.point_cloud import CLOUD_SUFFIXES, PointCloud, is_cloud, load_cloud
 from surfsup.fitting.siren_fit import SirenTarget
 from surfsup.scene import Scene
 from surfsup.sdf import load_mesh
@@ -22,63 +21,70 @@ from surfsup.sdf.mesh.mesh_file import FORMATS
 if TYPE_CHECKING:
     import trimesh
 
-SCENES = (".yaml", ".yml")
-SCENE_RESOLUTION = 256  # cells of the triangles of a solid that has none of its own
+SCENE_SUFFIXES = (".yaml", ".yml")
+SCENE_RESOLUTION = 256  # cells of the mesh of a scene's surface
 
 
-def read_input(path: Path, up: str | None, samples: int, seed: int) -> tuple[SirenTarget, Exact | None]:
-    """The points of the input in ``path``, and its exact shape, which a cloud does not have.
+def load_target(path: Path, up: Literal["y", "z"] | None, samples: int, seed: int) -> tuple[SirenTarget, ExactShape | None]:
+    """Samples of the input at ``path`` and its exact shape, which a point cloud does not have.
 
     Args:
-        path: a mesh, a cloud or a scene file, or the name of one of the project's own sculptures.
-        up: the input's own upward axis, "y" or "z"; None takes the file format's.
+        path: a mesh, a point cloud or a scene file, or the name of a procedural sculpture.
+        up: the input's own upward axis, "y" or "z"; None takes the default of the file format.
         samples: points to draw on the surface of a mesh.
-        seed: where the choice of points starts.
+        seed: seed of the samples.
 
     Raises:
         InputError: the file is missing or cannot be used.
     """
     if up not in (None, "y", "z"):
         raise InputError(f"--up is '{up}', but must be y or z")
-    ending = path.suffix.lower()
-    if path.name in OWN and not path.exists():
-        shape = ExactMesh(OWN[path.name]())
-        return SirenTarget.of_solid(shape, samples, seed), shape
-    if ending[1:] not in FORMATS and ending not in (*CLOUD_ENDINGS, *SCENES):
-        known = ", ".join([*(f".{name}" for name in FORMATS), ".xyz", ".yaml"])
-        raise InputError(
-            f"{path}: is nothing that a SIREN can be fitted to; give a file that ends in one of {known}, "
-            f"or one of {', '.join(OWN)}"
-        )
-    if ending in SCENES:
-        shape = ExactMesh(solid_of(path))
-        return SirenTarget.of_solid(shape, samples, seed), shape
-    if is_cloud(path):
-        cloud = load_cloud(path)
-        if up == "y":
-            turned = (np.stack([v[:, 0], -v[:, 2], v[:, 1]], axis=1) for v in (cloud.points, cloud.normals))
-            cloud = dataclasses.replace(cloud, **dict(zip(("points", "normals"), turned, strict=True)))
-        return SirenTarget.of_cloud(cloud, seed), None
-    shape = ExactMesh(load_mesh(path, up=up))
-    return SirenTarget.of_solid(shape, samples, seed), shape
+    suffix = path.suffix.lower()
+    if path.name not in SCULPTURES or path.exists():
+        if suffix[1:] not in FORMATS and suffix not in (*CLOUD_SUFFIXES, *SCENE_SUFFIXES):
+            known = ", ".join([*(f".{name}" for name in FORMATS), ".xyz", ".yaml"])
+            raise InputError(
+                f"{path}: a SIREN cannot be fitted to this; give a file that ends in one of {known}, "
+                f"or one of {', '.join(SCULPTURES)}"
+            )
+        if is_cloud(path):
+            return SirenTarget.of_cloud(load_upright_cloud(path, up), seed), None
+        mesh = scene_mesh(path) if suffix in SCENE_SUFFIXES else load_mesh(path, up=up)
+    else:
+        mesh = SCULPTURES[path.name]()
+    shape = ExactMesh(mesh)
+    return SirenTarget.of_shape(shape, samples, seed), shape
+
+
+def load_upright_cloud(path: Path, up: Literal["y", "z"] | None) -> PointCloud:
+    """The point cloud at ``path``, with z up.
+
+    Raises:
+        InputError: the file cannot be used.
+    """
+    cloud = load_cloud(path)
+    if up != "y":
+        return cloud
+    points, normals = (np.stack([v[:, 0], -v[:, 2], v[:, 1]], axis=1) for v in (cloud.points, cloud.normals))
+    return PointCloud(points, normals)
 
 
 def room_mesh() -> trimesh.Trimesh:
-    """The triangles of the furnished room, meters."""
+    """The mesh of the furnished room, meters."""
     return room().surface().to_mesh(SCENE_RESOLUTION)
 
 
-OWN: dict[str, Callable[[], trimesh.Trimesh]] = {
-    **{name.removesuffix(".ply"): make for name, make in SCULPTED.items()},
+SCULPTURES: dict[str, Callable[[], trimesh.Trimesh]] = {
+    **{name.removesuffix(".ply"): make for name, make in PROCEDURAL_MESHES.items()},
     "room": room_mesh,
 }
 
 
-def solid_of(path: Path) -> trimesh.Trimesh:
-    """The triangles of the solid in the scene file ``path``, meters.
+def scene_mesh(path: Path) -> trimesh.Trimesh:
+    """The mesh of the surface in the scene file ``path``, meters.
 
     Raises:
-        InputError: the file is no scene, or its container is empty.
+        InputError: the file is not a scene, or its container is empty.
     """
     surface = Scene.load(path).build_surface()
     if surface is None:

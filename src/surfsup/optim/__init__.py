@@ -1,1 +1,1 @@
-"""What training and fitting share: optimizer, learning-rate schedule, checkpoints, stopping."""
+"""What training and fitting share: configuration, SOAP, schedule, weight averaging, checkpoints, one loop."""

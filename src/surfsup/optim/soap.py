@@ -1,7 +1,7 @@
-"""SOAP: Adam in the directions in which the gradients of a matrix vary on their own.
+"""SOAP: Adam in the eigenbasis of Shampoo's preconditioner.
 
-N. Vyas et al., "SOAP: Improving and Stabilizing Shampoo using Adam" (2024). Per step it brings this model's error down
-faster than Adam does (``docs/experiments.md``); for matrices this small its own work is a hundredth of a step's.
+N. Vyas et al., "SOAP: Improving and Stabilizing Shampoo using Adam" (2024). Per step it lowers the loss of our models
+faster than Adam (``docs/experiments.md``). For matrices as small as theirs it costs a hundredth of a training step.
 """
 
 from __future__ import annotations
@@ -11,22 +11,22 @@ from collections.abc import Iterable
 import torch
 from torch import Tensor
 
-TINY = 1e-30  # what has no gradient at all stays where it is
+TINY = 1e-30  # keeps the update of a parameter whose gradients are all zero at zero
 
 
 class Soap(torch.optim.Optimizer):
-    """Adam in the eigenbases of the averaged products of each matrix's gradient with itself.
+    """Adam in the eigenbases of the averaged products G Gᵀ and Gᵀ G of each matrix's gradient G.
 
-    All of its state is tensors, so that a run can be saved without pickling and goes on bit by bit. What is no matrix
-    is left to Adam.
+    Parameters that are not matrices get plain Adam updates. The state consists of tensors alone, so that a run can be
+    saved without pickling and resumed bit for bit.
 
     Args:
-        parameters: what is trained.
-        lr: learning rate, to be compared with Adam's.
-        betas: how much of the averages of the gradient, and of its square and products, is kept in a step.
-        every: steps from one turn of the bases to the next.
-        eps: share of the largest root mean square of a parameter's gradient that is added to all: what is smaller is
-            rounding.
+        parameters: the parameters to optimize.
+        lr: learning rate, comparable to Adam's.
+        betas: decay of the averaged gradient, and of its averaged square and products.
+        every: steps between two updates of the eigenbases.
+        eps: share of a parameter's largest root mean square gradient that is added to every denominator; smaller
+            gradients are rounding errors.
     """
 
     def __init__(
@@ -40,26 +40,27 @@ class Soap(torch.optim.Optimizer):
         super().__init__(parameters, {"lr": lr, "betas": betas, "every": every, "eps": eps})
 
     @torch.no_grad()
-    def step(self, closure: None = None) -> None:
-        """One step by the gradients that are there; the first only lays the bases."""
+    def step(self, closure: None = None) -> None:  # type: ignore[override]  # no closure is ever evaluated
+        """Take one step; the first only initializes the eigenbases."""
         for group in self.param_groups:
             for parameter in group["params"]:
                 if parameter.grad is None:
                     continue
                 state = self.state[parameter]
                 if not state:
-                    # As its authors do: seen in bases of its own, it has no size but in a few directions.
-                    state |= beginning(parameter.grad)
+                    # As in the authors' code: in its own eigenbasis a single gradient is zero in most directions, and
+                    # Adam would divide by those.
+                    state |= initial_state(parameter.grad)
                     continue
-                change(parameter, state, group["lr"], *group["betas"], group["eps"])
+                update(parameter, parameter.grad, state, group["lr"], group["betas"], group["eps"])
                 if parameter.ndim == 2 and int(state["step"]) % group["every"] == 0:
-                    turn(state)
+                    update_bases(state)
 
 
-def beginning(gradient: Tensor) -> dict[str, Tensor]:
-    """The state before a parameter's first step, from a gradient that moves nothing yet.
+def initial_state(gradient: Tensor) -> dict[str, Tensor]:
+    """The state of a parameter before its first update.
 
-    All of it is contiguous, as it is when read from a file: products of what is not are rounded otherwise.
+    All tensors are contiguous, as they are when read from a file: products of non-contiguous ones round differently.
     """
     state = {
         "step": torch.zeros(()),
@@ -75,33 +76,35 @@ def beginning(gradient: Tensor) -> dict[str, Tensor]:
     return state
 
 
-def change(parameter: Tensor, state: dict[str, Tensor], rate: float, first: float, second: float, eps: float) -> None:
-    """Move a parameter, and bring its averages up to date."""
-    gradient = parameter.grad
+def update(
+    parameter: Tensor, gradient: Tensor, state: dict[str, Tensor], lr: float, betas: tuple[float, float], eps: float
+) -> None:
+    """Update a parameter and its running averages."""
+    beta1, beta2 = betas
     state["step"] += 1
     step = int(state["step"])
-    state["mean"].lerp_(gradient, 1 - first)
-    mean, seen = state["mean"], gradient
+    state["mean"].lerp_(gradient, 1 - beta1)
+    mean, projected = state["mean"], gradient
     if parameter.ndim == 2:
         rows, columns = state["rows_basis"], state["columns_basis"]
-        mean, seen = rows.T @ mean @ columns, rows.T @ gradient @ columns
-        state["rows"].lerp_(gradient @ gradient.T, 1 - second)
-        state["columns"].lerp_(gradient.T @ gradient, 1 - second)
-    state["mean_square"].lerp_(seen.square(), 1 - second)
-    size = (state["mean_square"] / (1 - second**step)).sqrt()
-    move = mean / (1 - first**step) / (size + eps * size.max() + TINY)
-    parameter.sub_(rows @ move @ columns.T if parameter.ndim == 2 else move, alpha=rate)
+        mean, projected = rows.T @ mean @ columns, rows.T @ gradient @ columns
+        state["rows"].lerp_(gradient @ gradient.T, 1 - beta2)
+        state["columns"].lerp_(gradient.T @ gradient, 1 - beta2)
+    state["mean_square"].lerp_(projected.square(), 1 - beta2)
+    rms = (state["mean_square"] / (1 - beta2**step)).sqrt()
+    direction = mean / (1 - beta1**step) / (rms + eps * rms.max() + TINY)
+    parameter.sub_(rows @ direction @ columns.T if parameter.ndim == 2 else direction, alpha=lr)
 
 
-def turn(state: dict[str, Tensor]) -> None:
-    """Bring the bases nearer to the eigenvectors of the products: one power iteration, made orthogonal again.
+def update_bases(state: dict[str, Tensor]) -> None:
+    """Bring the bases nearer to the eigenvectors of the products: one power iteration, then orthogonalization.
 
-    The mean square goes along, as if what is along different old directions were independent. Left as it was, it would
-    be far too small for a direction that had been still until now, and the next steps would be as much too long.
+    The mean square is rotated along, as if the components in the old basis were independent. An unrotated mean square
+    would be far too small in a direction without gradients so far, and the next updates too large.
     """
-    shares = {}
+    overlap = {}
     for name in ("rows", "columns"):
-        before = state[f"{name}_basis"]
-        state[f"{name}_basis"] = torch.linalg.qr(state[name] @ before).Q.contiguous()
-        shares[name] = (state[f"{name}_basis"].T @ before).square()
-    state["mean_square"] = shares["rows"] @ state["mean_square"] @ shares["columns"].T
+        old = state[f"{name}_basis"]
+        state[f"{name}_basis"] = torch.linalg.qr(state[name] @ old).Q.contiguous()
+        overlap[name] = (state[f"{name}_basis"].T @ old).square()
+    state["mean_square"] = overlap["rows"] @ state["mean_square"] @ overlap["columns"].T

@@ -1,4 +1,4 @@
-"""When a run stops by itself: its time is up, Ctrl-C, or SIGTERM."""
+"""When a run stops early: after a time limit, on Ctrl-C, or on SIGTERM."""
 
 from __future__ import annotations
 
@@ -6,35 +6,57 @@ import math
 import signal
 import time
 from types import FrameType, TracebackType
+from typing import Any
+
+from surfsup.errors import InputError
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
+UNITS = {"s": 1, "m": 60, "h": 3600}  # seconds
 
 
 class Stop:
-    """Whether to stop now. As a context manager it listens to Ctrl-C and SIGTERM; a second one ends at once.
+    """A stop condition: call it to learn whether to stop now.
+
+    As a context manager it handles Ctrl-C and SIGTERM: the first signal requests a stop, the second raises
+    KeyboardInterrupt.
 
     Attributes:
-        signaled: whether a signal asked for it.
+        signaled: whether a signal requested the stop.
     """
 
     def __init__(self, seconds: float = math.inf) -> None:
-        self._end = time.monotonic() + seconds
-        self._before: list[object] = []
+        self._deadline = time.monotonic() + seconds
+        self._previous_handlers: list[Any] = []
         self.signaled = False
 
     def __call__(self) -> bool:
-        """Whether the time is up or a signal came."""
-        return self.signaled or time.monotonic() >= self._end
+        """Whether the time limit has passed or a signal has arrived."""
+        return self.signaled or time.monotonic() >= self._deadline
 
-    def _hear(self, number: int, frame: FrameType | None) -> None:
+    def _handle_signal(self, number: int, frame: FrameType | None) -> None:
         if self.signaled:
             raise KeyboardInterrupt
         self.signaled = True
 
     def __enter__(self) -> Stop:
-        self._before = [signal.signal(number, self._hear) for number in SIGNALS]
+        self._previous_handlers = [signal.signal(number, self._handle_signal) for number in SIGNALS]
         return self
 
     def __exit__(self, kind: type | None, error: BaseException | None, trace: TracebackType | None) -> None:
-        for number, handler in zip(SIGNALS, self._before, strict=True):
+        for number, handler in zip(SIGNALS, self._previous_handlers, strict=True):
             signal.signal(number, handler)
+
+
+def parse_duration(text: str) -> float:
+    """A duration such as ``90s``, ``30m`` or ``1.5h`` in seconds.
+
+    Raises:
+        InputError: the text has another form, or the duration is not above zero.
+    """
+    try:
+        seconds = float(text[:-1]) * UNITS[text[-1]]
+    except (KeyError, ValueError, IndexError):
+        seconds = 0.0
+    if not 0 < seconds < math.inf:
+        raise InputError(f"'{text}' is not a length of time; write for example 90s, 30m or 1.5h")
+    return seconds

@@ -1,1 +1,1 @@
-"""Training: configuration, loss, the loop."""
+"""Training of learned simulators: configuration, batches, objectives, validation."""

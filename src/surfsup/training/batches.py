@@ -1,4 +1,4 @@
-"""The batches of a run, read ahead of the optimizer; each follows from the seed and the step that it begins at."""
+"""The batches of a run, read ahead of the optimizer. Each follows from the seed and the step at which it is drawn."""
 
 from __future__ import annotations
 
@@ -11,40 +11,40 @@ import numpy as np
 from surfsup.datasets.windows import WindowSource
 from surfsup.training.config import TrainingConfig
 from surfsup.training.objectives import Batch
-from surfsup.training.run import Run
+from surfsup.training.run import TrainingRun
 
-READ_AHEAD = 8  # steps that reading is ahead of the optimizer
-EXAMPLES = 64  # windows that a new model's normalizations are measured on
-UNDER_WAY = 16  # batches that take turns: other windows come between two losses of the same
+READ_AHEAD = 8  # steps
+NORMALIZATION_WINDOWS = 64  # windows that the normalizers of a new model are measured on
+INTERLEAVED = 16  # batches whose rollouts alternate, so that consecutive losses come from different windows
 
 
 class Batches:
-    """The batch of each step, new or gone on with; use as a context manager, leaving it stops the thread that reads.
+    """The batch of each step. Use as a context manager; leaving it stops the reading thread.
 
-    A batch whose rollouts go on comes again after :data:`UNDER_WAY` steps, until they are as long as the phase says.
-    Meanwhile the run keeps it.
+    A batch with push-forward returns every :data:`INTERLEAVED` steps, until its rollouts have the length of the phase.
+    The run keeps it meanwhile.
     """
 
-    def __init__(self, windows: WindowSource, run: Run) -> None:
+    def __init__(self, windows: WindowSource, run: TrainingRun) -> None:
         self._windows, self._run = windows, run
         self._reader = ThreadPoolExecutor(1)
         self._ahead: dict[int, Future[Batch]] = {}
 
-    def of(self, step: int) -> Batch:
-        """What this process does of the batch of ``step``; the next ones are being read meanwhile."""
+    def at(self, step: int) -> Batch:
+        """This process's share of the batch of ``step``. Starts to read the next ones."""
         run = self._run
-        for number in range(step, min(step + READ_AHEAD, run.config.last_step)):
-            if number not in self._ahead and beginning(run.config, number) == number:
+        for number in range(step, min(step + READ_AHEAD, run.config.steps)):
+            if number not in self._ahead and drawn_at(run.config, number) == number:
                 self._ahead[number] = self._reader.submit(read_batch, self._windows, run, number)
-        began = beginning(run.config, step)
-        if began == step:
+        drawn = drawn_at(run.config, step)
+        if drawn == step:
             batch = self._ahead.pop(step).result()
-        elif began in run.under_way:
-            batch = run.under_way.pop(began)
+        elif drawn in run.active_batches:
+            batch = run.active_batches.pop(drawn)
         else:
-            batch = gone_on_with(read_batch(self._windows, run, began), run, began, step)
-        if beginning(run.config, step + UNDER_WAY) == began:
-            run.under_way[began] = batch
+            batch = restore_rollouts(read_batch(self._windows, run, drawn), run, drawn, step)
+        if drawn_at(run.config, step + INTERLEAVED) == drawn:
+            run.active_batches[drawn] = batch
         return batch
 
     def __enter__(self) -> Batches:
@@ -54,49 +54,50 @@ class Batches:
         self._reader.shutdown(cancel_futures=True)
 
 
-def beginning(config: TrainingConfig, step: int) -> int:
-    """The step at which the batch of ``step`` is new.
+def drawn_at(config: TrainingConfig, step: int) -> int:
+    """The step at which the batch of ``step`` is drawn.
 
-    Batches take turns, each until it has had all of its steps; then another takes its place. They do so one after the
-    other, so that at any time there are rollouts of every age.
+    Step s and step s + INTERLEAVED share a batch until its rollouts are complete. The slots start at different ages, so
+    that at any time there are rollouts of every age.
     """
-    phase, first = config.phase(step), config.first_step(step)
-    turns = 1 + phase.unseen // phase.unroll
-    turn, place = divmod(step - first, UNDER_WAY)
-    had = (turn + place * turns // UNDER_WAY) % turns
-    return step - min(had, turn) * UNDER_WAY
+    phase, first = config.phase(step), config.first_step_of_phase(step)
+    length = 1 + phase.pushforward
+    turn, slot = divmod(step - first, INTERLEAVED)
+    age = (turn + slot * length // INTERLEAVED) % length
+    return step - min(age, turn) * INTERLEAVED
 
 
-def read_batch(windows: WindowSource, run: Run, step: int) -> Batch:
-    """What this process does of the batch that is new at ``step``: windows as long as its rollouts will be.
+def read_batch(windows: WindowSource, run: TrainingRun, step: int) -> Batch:
+    """This process's share of the batch that is drawn at ``step``.
 
-    Every window has its number, and a generator that follows from it.
+    The windows are as long as the rollouts of the phase. Every window has its own random generator, seeded by its
+    number in the whole batch.
     """
     config, phase, fabric = run.config, run.config.phase(step), run.fabric
     share = config.batch // fabric.world_size
     numbers = range(fabric.global_rank * share, (fabric.global_rank + 1) * share)
     randoms = [np.random.default_rng([config.seed, step, number]) for number in numbers]
-    past, frames = run.model.past, (phase.unseen + phase.unroll) * run.objective.frames_per_step
-    return Batch([windows.draw(random, past, frames, phase.starts) for random in randoms], randoms)
+    past, frames = run.model.history_length, 1 + phase.pushforward
+    return Batch([windows.sample(random, past, frames, phase.scene_starts) for random in randoms], randoms)
 
 
-def gone_on_with(batch: Batch, run: Run, began: int, step: int) -> Batch:
-    """A batch of a resumed run, where its checkpoint says that it stood at ``step``.
+def restore_rollouts(batch: Batch, run: TrainingRun, drawn: int, step: int) -> Batch:
+    """The batch of a resumed run with the states at ``step`` from its checkpoint.
 
-    Where that is not known, as of any process but the first, its rollouts begin anew.
+    Only the main process saves its states; elsewhere the rollouts start again.
     """
-    config, stood = run.config, run.stood.pop(began, [])
-    if len(stood) == len(batch.windows):
-        states = run.objective.begin(batch, noise=0.0)
-        batch.states = [replace(state, **tensors) for state, tensors in zip(states, stood, strict=True)]
-        batch.done = (step - began) // UNDER_WAY * config.phase(step).unroll
+    saved = run.saved_states.pop(drawn, [])
+    if len(saved) == len(batch.windows):
+        states = run.objective.initial_states(batch, noise=0.0)
+        batch.states = [replace(state, **tensors) for state, tensors in zip(states, saved, strict=True)]
+        batch.age = (step - drawn) // INTERLEAVED
     return batch
 
 
-def prepare(windows: WindowSource, run: Run) -> None:
-    """Give a new model's objective examples to take from what is not learned by descent."""
+def fit_normalizers(windows: WindowSource, run: TrainingRun) -> None:
+    """Measure the normalizers of a new model on windows of the training data."""
     config = run.config
-    randoms = [np.random.default_rng([config.seed, config.steps, number]) for number in range(EXAMPLES)]
-    examples = (windows.draw(random, run.model.past, run.objective.frames_per_step) for random in randoms)
-    run.objective.prepare(examples, randoms, config.phase(0).noise)
+    randoms = [np.random.default_rng([config.seed, config.steps, number]) for number in range(NORMALIZATION_WINDOWS)]
+    examples = (windows.sample(random, run.model.history_length, 1) for random in randoms)
+    run.objective.fit_normalizers(examples, randoms, config.phase(0).noise)
     run.average.load_state_dict(run.model.state_dict())

@@ -1,10 +1,11 @@
-"""What a training run is: the model, the steps it takes, the schedule."""
+"""The configuration of a training run: simulator, optimizer, phases."""
 
 from __future__ import annotations
 
 import difflib
 import math
 from collections.abc import Iterable
+from dataclasses import fields
 from importlib.resources import files
 from itertools import pairwise
 from pathlib import Path
@@ -13,204 +14,165 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, field_validator, model_validator
 
 from surfsup.errors import InputError
+from surfsup.learned.base import Architecture
 from surfsup.learned.message_passing.architecture import SIZES
 from surfsup.learned.message_passing.simulator import MessagePassingSimulator
-from surfsup.learned.registry import KINDS
-from surfsup.scene.validation_message import one_line
-from surfsup.scene.yaml_text import parse_yaml
-from surfsup.sph.simulator import Sizes
+from surfsup.learned.registry import LEARNED_SIMULATORS
+from surfsup.optim.config import (
+    Count,
+    Decay,
+    NonNegative,
+    NonNegativeInt,
+    OptimizationConfig,
+    Positive,
+    parse_overrides,
+)
+from surfsup.scene.safe_yaml import parse_yaml
+from surfsup.scene.validation_error import format_validation_error
 
-Count = Annotated[int, Field(ge=1)]
 Share = Annotated[float, Field(ge=0, le=1)]
-Amount = Annotated[float, Field(ge=0, allow_inf_nan=False)]
-Above = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 
-ARCHITECTURE = (
-    "width",
-    "layers",
-    "radius",
-    "messages",
-    "history",
-    "stride",
-    "surface_particles",
-)  # what may be a kind's sizes
+ARCHITECTURE_KEYS = ("width", "layers", "radius", "surface_particles")
 
 
 class Phase(BaseModel):
-    """A part of training with its own kind of step.
+    """A part of training.
 
     Attributes:
         until: share of all steps at which the phase ends.
-        unseen: after up to how many of the model's own steps a loss is taken (push-forward): rollouts go on from loss
-            to loss until they have gone so far, without gradient from one to the next.
-        unroll: steps that the loss is taken over, with gradient through all of them.
-        starts: share of the windows that begin where their scene does, as every rollout; these get no noise.
-        noise: meters; largest spread of the noise on the first state.
-        density: weight of the density term; the convolution has none.
-        calm: weight of the term on small errors; only the convolution has one.
+        pushforward: largest number of the model's own steps before a loss (push-forward). A rollout continues from loss
+            to loss, without gradient between them, until it is that long.
+        scene_starts: share of the windows that begin at the start of their scene, as a rollout does; they get no noise.
+        noise: largest standard deviation of the noise on the initial state, meters.
+        density: weight of the density term; only message-passing simulators have one.
+        small_errors: weight of the term for small errors; only the corrected simulator has one.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     until: Share
-    unseen: Annotated[int, Field(ge=0)] = 0
-    unroll: Count = 1
-    starts: Share = 0.0
-    noise: Amount = 1e-4
-    density: Amount = 0.0
-    calm: Amount = 0.0
+    pushforward: NonNegativeInt = 0
+    scene_starts: Share = 0.0
+    noise: NonNegative = 1e-4
+    density: NonNegative = 0.0
+    small_errors: NonNegative = 0.0
 
 
-class TrainingConfig(BaseModel):
-    """One training run.
+class TrainingConfig(OptimizationConfig):
+    """The configuration of a training run.
 
     Attributes:
-        kind: of simulator; one of ``surfsup.learned.registry.KINDS``.
-        size: width and layers by name, 'paper' or 'small'; only the message-passing kinds have such.
-        width, layers, radius, messages, history, stride, surface_particles: the architecture's; what is left out is as
-            ``size`` says, else the kind's own default.
+        kind: the kind of simulator; a key of ``surfsup.learned.registry.LEARNED_SIMULATORS``.
+        size: 'paper' or 'small', width and layers of a message-passing simulator.
+        width, layers, radius, surface_particles: single sizes of the architecture; by default those of ``size``, else
+            those of the kind.
         batch: windows a step, over all processes.
-        steps: of the optimizer, over which the schedule runs.
-        stop: step to stop at before the schedule ends; None runs it to its end.
-        optimizer: Adam, or SOAP, which costs more a step and needs fewer.
-        learning_rate, final_learning_rate: of the optimizer, at the start and at the end.
-        schedule: from one to the other by a cosine, or exponentially as the paper has it.
-        warm_up: steps over which the learning rate rises.
-        clip: the largest norm of the gradient; a longer one is shortened.
-        averaging: decay of the moving average of the weights, which is what is judged and kept.
-        precision: '32', or 'bf16' for the message-passing networks' large products.
-        judge_every: steps between rollouts on the validation scenes.
-        judge_scenes, judge_frames: how many scenes and how far.
-        phases: what the steps are like, in order.
-        seed: of the initial weights, the windows and the noise.
+        optimizer: Adam, or SOAP, which needs fewer steps and more time for each.
+        precision: '32', or 'bf16' for the matrix products of a message-passing network.
+        validation_scenes, validation_frames: number and length of the rollouts of a validation.
+        phases: the phases, in order.
     """
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-    kind: str = "convolution"
+    kind: str
     size: Literal["paper", "small"] | None = None
     width: Count | None = None
     layers: Count | None = None
-    radius: Above | None = None
-    messages: Count | None = None
-    history: Count | None = None
-    stride: Count | None = None
+    radius: Positive | None = None
     surface_particles: Count | None = None
     batch: Count = 2
     steps: Count = 40_000
-    stop: Count | None = None
     optimizer: Literal["adam", "soap"] = "adam"
-    learning_rate: Above = 2e-3
-    final_learning_rate: Amount = 2e-5
-    schedule: Literal["cosine", "exponential"] = "cosine"
-    warm_up: Annotated[int, Field(ge=0)] = 200
-    clip: Above = 1.0
-    averaging: Share = 0.999
+    learning_rate: Positive = 2e-3
+    final_learning_rate: NonNegative = 2e-5
+    warm_up: NonNegativeInt = 200
+    averaging: Decay = 0.999
     precision: Annotated[Literal["32", "bf16"], BeforeValidator(str)] = "32"
-    judge_every: Count = 4_000
-    judge_scenes: Count = 5
-    judge_frames: Count = 300
+    validate_every: Count = 4_000
+    validation_scenes: Count = 5
+    validation_frames: Count = 300
     phases: Annotated[list[Phase], Field(min_length=1)]
-    seed: Annotated[int, Field(ge=0)] = 0
 
     @field_validator("kind")
     @classmethod
-    def _is_known(cls, kind: str) -> str:
-        if kind not in KINDS:
-            raise ValueError(f"there is no kind '{kind}'{nearest(kind, KINDS)}; kinds are {', '.join(KINDS)}")
+    def _kind_exists(cls, kind: str) -> str:
+        if kind not in LEARNED_SIMULATORS:
+            hint = did_you_mean(kind, LEARNED_SIMULATORS)
+            raise ValueError(f"there is no kind '{kind}'{hint}; kinds are {', '.join(LEARNED_SIMULATORS)}")
         return kind
 
     @field_validator("phases")
     @classmethod
-    def _rises(cls, phases: list[Phase]) -> list[Phase]:
+    def _phases_are_in_order(cls, phases: list[Phase]) -> list[Phase]:
         ends = [phase.until for phase in phases]
         if any(later <= earlier for earlier, later in pairwise(ends)):
             raise ValueError(f"each 'until' must be above the one before, but they are {ends}")
         return phases
 
     @model_validator(mode="after")
-    def _fits_its_kind(self) -> TrainingConfig:
-        kind = KINDS[self.kind]
-        given = [name for name in ARCHITECTURE if getattr(self, name) is not None]
-        strange = [name for name in given if name not in kind.architecture_type.__dataclass_fields__]
-        if strange:
-            raise ValueError(f"'{strange[0]}' is no size of kind '{self.kind}'; leave it out")
+    def _options_fit_the_kind(self) -> TrainingConfig:
+        kind = LEARNED_SIMULATORS[self.kind]
+        sizes = {field.name for field in fields(kind.architecture_type)}
+        unknown = [name for name in self._given_sizes() if name not in sizes]
+        if unknown:
+            raise ValueError(f"'{unknown[0]}' is not a size of kind '{self.kind}'; leave it out")
         passes_messages = issubclass(kind, MessagePassingSimulator)
         if not passes_messages:
             if self.size is not None:
-                raise ValueError(f"kind '{self.kind}' has no sizes by name; give 'width' and 'layers'")
+                raise ValueError(f"kind '{self.kind}' has no named sizes; give 'width' and 'layers'")
             if self.precision != "32":
                 raise ValueError(f"kind '{self.kind}' computes in precision 32 only")
-        missing = "calm" if passes_messages else "density"
+        missing = "small_errors" if passes_messages else "density"
         if any(getattr(phase, missing) > 0 for phase in self.phases):
             raise ValueError(f"kind '{self.kind}' has no {missing} term; leave '{missing}' out of the phases")
-        _ = self.architecture
+        _ = self.architecture  # raises ValueError where a size is out of range
         return self
 
-    @property
-    def architecture(self) -> Sizes:
-        """The sizes of the model."""
-        given = {name: value for name in ARCHITECTURE if (value := getattr(self, name)) is not None}
-        named = {} if self.size is None else SIZES[self.size]
-        return KINDS[self.kind].architecture_type(**{**named, **given})
+    def _given_sizes(self) -> dict[str, Any]:
+        return {name: value for name in ARCHITECTURE_KEYS if (value := getattr(self, name)) is not None}
 
     @property
-    def last_step(self) -> int:
-        """How many steps are done in all."""
-        return min(self.steps, self.stop or self.steps)
+    def architecture(self) -> Architecture:
+        """The architecture of the simulator."""
+        named = {} if self.size is None else SIZES[self.size]
+        return LEARNED_SIMULATORS[self.kind].architecture_type(**{**named, **self._given_sizes()})
 
     def phase(self, step: int) -> Phase:
-        """The phase that ``step`` belongs to."""
-        return self.phases[self._number_of_phase(step)]
+        """The phase of ``step``."""
+        return self.phases[self._phase_number(step)]
 
-    def first_step(self, step: int) -> int:
-        """The first step of the phase that ``step`` belongs to."""
-        number = self._number_of_phase(step)
+    def first_step_of_phase(self, step: int) -> int:
+        """The first step of the phase of ``step``."""
+        number = self._phase_number(step)
         return math.ceil(self.phases[number - 1].until * self.steps) if number else 0
 
-    def _number_of_phase(self, step: int) -> int:
+    def _phase_number(self, step: int) -> int:
         ends = (phase.until * self.steps for phase in self.phases[:-1])
         return sum(step >= end for end in ends)
 
 
-def load_config(name: str, overrides: list[str] | None = None) -> TrainingConfig:
-    """The preset ``name``, or the YAML file of that path, with ``key=value`` overrides applied.
+def load_config(name: str, overrides: Iterable[str] = ()) -> TrainingConfig:
+    """Load the preset ``name``, or the YAML file at that path, and apply ``key=value`` overrides.
 
     Raises:
-        InputError: no such preset or file, an unknown key, or a value out of range.
+        InputError: there is no such preset or file, a key is unknown, or a value is out of range.
     """
-    data = mapping_of(name) | values_of(overrides or [])
+    data = load_mapping(name) | parse_overrides(overrides)
     try:
         return TrainingConfig.model_validate(data)
     except ValidationError as error:
-        raise InputError(f"{name}: {one_line(error, TrainingConfig)}") from None
+        raise InputError(f"{name}: {format_validation_error(error, TrainingConfig)}") from None
 
 
-def values_of(overrides: Iterable[str]) -> dict[str, Any]:
-    """The keys and values of ``key=value`` overrides, each value read as YAML.
-
-    Raises:
-        InputError: one is not of that form.
-    """
-    data = {}
-    for override in overrides:
-        key, equals, value = override.partition("=")
-        if not equals:
-            raise InputError(f"'{override}' is not of the form key=value")
-        data[key] = parse_yaml(value, override)
-    return data
-
-
-def mapping_of(name: str) -> dict[str, Any]:
-    """The keys and values of a preset or file, on top of those of the preset that its key ``like`` names.
+def load_mapping(name: str) -> dict[str, Any]:
+    """The keys and values of a preset or YAML file, on top of those of the preset that its key ``like`` names.
 
     Raises:
-        InputError: no such preset or file, or it is no mapping.
+        InputError: there is no such preset or file, or it is not a mapping.
     """
     folder = files("surfsup.training") / "presets"
-    known = sorted(entry.name.removesuffix(".yaml") for entry in folder.iterdir() if entry.name.endswith(".yaml"))
+    presets = sorted(entry.name.removesuffix(".yaml") for entry in folder.iterdir() if entry.name.endswith(".yaml"))
     path = Path(name)
-    if name in known:
+    if name in presets:
         text = (folder / f"{name}.yaml").read_text()
     elif path.is_file():
         try:
@@ -219,36 +181,20 @@ def mapping_of(name: str) -> dict[str, Any]:
             reason = error.strerror if isinstance(error, OSError) else "it is not text"
             raise InputError(f"{path}: cannot be read as a configuration: {reason}") from None
     else:
-        hint = nearest(name, known)
-        raise InputError(f"there is no training preset or file '{name}'{hint}; presets are {', '.join(known)}")
+        hint = did_you_mean(name, presets)
+        raise InputError(f"there is no training preset or file '{name}'{hint}; presets are {', '.join(presets)}")
     data = parse_yaml(text, name) or {}
     if not isinstance(data, dict):
-        raise InputError(f"{name}: a configuration is a mapping with at least the key 'phases'")
+        raise InputError(f"{name}: a configuration is a mapping with at least the keys 'kind' and 'phases'")
     base = data.pop("like", None)
     if base is None:
         return data
-    if base not in known or base == name:
-        raise InputError(f"{name}: like: there is no preset '{base}'; presets are {', '.join(known)}")
-    return {**mapping_of(base), **data}
+    if base not in presets or base == name:
+        raise InputError(f"{name}: like: there is no preset '{base}'; presets are {', '.join(presets)}")
+    return {**load_mapping(base), **data}
 
 
-def nearest(name: str, known: Iterable[str]) -> str:
-    """A question to put after the name that may have been meant, empty where none is near."""
+def did_you_mean(name: str, known: Iterable[str]) -> str:
+    """A hint at the most similar of the ``known`` names, empty if none is similar."""
     near = difflib.get_close_matches(name, list(known), n=1)
     return f" (did you mean '{near[0]}'?)" if near else ""
-
-
-def seconds_of(text: str) -> float:
-    """A length of time such as ``90s``, ``30m`` or ``1.5h`` in seconds.
-
-    Raises:
-        InputError: it is not of that form, or not above zero.
-    """
-    units = {"s": 1, "m": 60, "h": 3600}
-    try:
-        seconds = float(text[:-1]) * units[text[-1]]
-    except (KeyError, ValueError, IndexError):
-        seconds = 0.0
-    if not 0 < seconds < float("inf"):
-        raise InputError(f"'{text}' is not a length of time; write for example 90s, 30m or 1.5h")
-    return seconds

@@ -1,4 +1,4 @@
-"""Where training computes: the CPU, a GPU, or several processes that torchrun started."""
+"""The device of training: the CPU, a GPU, or several processes started by torchrun."""
 
 from __future__ import annotations
 
@@ -12,16 +12,17 @@ from surfsup.errors import InputError
 if TYPE_CHECKING:
     from lightning_fabric import Fabric
 
-LONGEST_WAIT = timedelta(hours=6)  # of the other processes while the first judges a model
+VALIDATION_TIMEOUT = timedelta(hours=6)  # the other processes wait while the main one validates
+REQUIRED = {"lightning-fabric": "lightning_fabric", "tensorboard": "tensorboard"}  # module of each package
 
 
 def fabric_on(device: str = "cpu") -> Fabric:
-    """What moves a model to ``device``, 'cpu' or 'cuda', and keeps the processes of torchrun in step, if it runs.
+    """Create a Fabric for ``device``, 'cpu' or 'cuda'; under torchrun it synchronizes the processes.
 
     Raises:
         InputError: Lightning Fabric or TensorBoard is not installed.
     """
-    require_installed()
+    require_packages()
     from lightning_fabric import Fabric
     from lightning_fabric.plugins.environments import TorchElasticEnvironment
     from lightning_fabric.strategies import DDPStrategy
@@ -30,21 +31,21 @@ def fabric_on(device: str = "cpu") -> Fabric:
     accelerator = "gpu" if kind == "cuda" else kind
     if not TorchElasticEnvironment.detect():
         return Fabric(accelerator=accelerator, devices=[int(number)] if number else 1)
-    here, everywhere = int(os.environ["LOCAL_WORLD_SIZE"]), int(os.environ["WORLD_SIZE"])
+    local, total = int(os.environ["LOCAL_WORLD_SIZE"]), int(os.environ["WORLD_SIZE"])
     fabric = Fabric(
         accelerator=accelerator,
-        devices=here,
-        num_nodes=everywhere // here,
-        strategy=DDPStrategy(timeout=LONGEST_WAIT),
+        devices=local,
+        num_nodes=total // local,
+        strategy=DDPStrategy(timeout=VALIDATION_TIMEOUT),
     )
     fabric.launch()
     return fabric
 
 
-def leave_together(fabric: Fabric) -> None:
-    """End the conversation of torchrun's processes, if there are several, once all of them have come here.
+def shut_down(fabric: Fabric) -> None:
+    """Close the connection between the processes of torchrun, if there are several, once all have arrived here.
 
-    One that leaves while another is still being told something may abort it at its exit.
+    A process that exits while another still receives data may abort it.
     """
     from torch import distributed
 
@@ -53,15 +54,12 @@ def leave_together(fabric: Fabric) -> None:
         distributed.destroy_process_group()
 
 
-def require_installed() -> None:
-    """Make sure that what only training needs is there.
+def require_packages() -> None:
+    """Check that the packages that only training needs are installed.
 
     Raises:
-        InputError: it is not; says how to install it.
+        InputError: one is missing; the message says how to install it.
     """
-    missing = [name for name, module in NEEDED.items() if find_spec(module) is None]
+    missing = [name for name, module in REQUIRED.items() if find_spec(module) is None]
     if missing:
         raise InputError(f"training needs {' and '.join(missing)}: pip install 'surfsup[train]'")
-
-
-NEEDED = {"lightning-fabric": "lightning_fabric", "tensorboard": "tensorboard"}

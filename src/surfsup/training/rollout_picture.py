@@ -1,4 +1,4 @@
-"""A picture of a rollout above the truth, at a few moments."""
+"""A picture of a rollout above the true trajectory, at a few moments."""
 
 from __future__ import annotations
 
@@ -7,44 +7,42 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from surfsup.evaluation.rollout import while_sound
+from surfsup.evaluation.rollout import roll_out
 from surfsup.io.trajectory import Trajectory
-from surfsup.sph.simulator import Simulator
-from surfsup.sph.state import Environment
-from surfsup.viewing.trajectory_pictures import renderer_of
+from surfsup.learned.base import LearnedSimulator
+from surfsup.sph.environment import Environment
+from surfsup.viewing.trajectory_pictures import trajectory_renderer
 
 MOMENTS = 3
 SIZE = (480, 360)  # pixels of each picture
 
 
 @torch.no_grad()
-def draw_rollout(model: Simulator, path: Path, frames: int) -> np.ndarray:
-    """Three moments of what ``model`` makes of a start, and below them the truth, as (height, width, 3) uint8.
+def draw_rollout(model: LearnedSimulator, path: Path, frames: int) -> np.ndarray:
+    """Draw three moments of a rollout, and below them the true trajectory, as (height, width, 3) uint8.
 
     Args:
         model: the simulator.
-        path: the true trajectory's file.
-        frames: how far; the moments are at a third, two thirds and the end.
+        path: file of the true trajectory; the rollout starts from its first frame.
+        frames: length of the rollout; the moments are at a third, two thirds and the end.
 
     Raises:
-        InputError: this machine cannot draw, or the file is no trajectory.
+        InputError: rendering is impossible on this machine, or the file is not a trajectory.
     """
     device = next(model.parameters()).device
     with Trajectory(path) as truth:
         frames = min(frames, len(truth))
         chosen = sorted({round(number * (frames - 1) / MOMENTS) for number in range(1, MOMENTS + 1)})
         environment = Environment.of(truth.scene, truth.scene.build_surface(), device)
-        start, velocities = (torch.from_numpy(data[0]).to(device) for data in (truth.positions, truth.velocities))
-        rollout = model.rollout(model.start(start, velocities, environment), environment, frames)
-        made = {}
-        for number, (state, _) in enumerate(while_sound(rollout)):
+        predicted = {}
+        for number, (state, _) in enumerate(roll_out(model, truth, environment, frames)):
             if number in chosen:
-                made[number] = state.positions.cpu().numpy()
-        renderer = renderer_of(truth, SIZE)
-        gone = np.empty((0, 3), np.float32)  # a rollout that blew up or collapsed leaves an empty stage
+                predicted[number] = state.positions.cpu().numpy()
+        renderer = trajectory_renderer(truth, SIZE)
+        empty = np.empty((0, 3), np.float32)  # a diverged rollout leaves an empty picture
         rows = [
-            np.hstack([renderer.image(made.get(number, gone)) for number in chosen]),
-            np.hstack([renderer.image(truth.positions[number]) for number in chosen]),
+            np.hstack([renderer.render(predicted.get(number, empty)) for number in chosen]),
+            np.hstack([renderer.render(truth.positions[number]) for number in chosen]),
         ]
         renderer.close()
     return np.vstack(rows)

@@ -16,82 +16,75 @@ from surfsup.sph.kernels import KERNEL_SUPPORT
 from surfsup.sph.neighbor_search import find_neighbors
 from surfsup.training.config import Phase
 from surfsup.training.objectives.density_loss import density_loss
-from surfsup.training.objectives.objective import Batch, Objective, StepErrors, mean_where
-from surfsup.training.objectives.strayed import FASTEST, at_most
+from surfsup.training.objectives.drift import MAX_VELOCITY_DRIFT, clamp_length
+from surfsup.training.objectives.objective import Objective, WindowLoss, masked_mean
 
 NEAR_WEIGHT = 5.0  # lambda of the supplement
 
 
-class AccelerationObjective(Objective):
-    """Mean over the particles of the squared error, those near the surface counted five times.
+class AccelerationObjective(Objective[MessagePassingSimulator, History]):
+    """The mean squared error over the particles; those near the surface have five times the weight.
 
     Attributes:
-        bf16: whether the network computes in bfloat16; all around it stays in single precision.
+        bf16: whether the network computes in bfloat16; everything around it stays in single precision.
     """
-
-    model: MessagePassingSimulator
 
     def __init__(self, model: MessagePassingSimulator, bf16: bool = False) -> None:
         super().__init__(model)
         self.bf16 = bf16
 
-    def prepare(self, examples: Iterable[Window], randoms: Sequence[np.random.Generator], noise: float) -> None:
-        """Measure the normalizations on states with the training's noise."""
+    def fit_normalizers(self, examples: Iterable[Window], randoms: Sequence[np.random.Generator], noise: float) -> None:
+        """Measure the normalizers on states with training noise."""
         self.model.fit_normalizers(
-            (
-                self.with_noise(self.model.state_after(*window.up_to_now), noise, random),
-                self.true_step(window, 0)[0],
-            )
+            (self.add_noise(self.model.state_from_frames(*window.history), noise, random), true_displacement(window, 0))
             for window, random in zip(examples, randoms, strict=True)
         )
 
-    def with_noise(self, state: History, size: float, random: np.random.Generator) -> History:
-        """A random walk over the history; ``size`` is its spread at the last move."""
-        if size == 0:
+    def add_noise(self, state: History, std: float, random: np.random.Generator) -> History:
+        """Add a random walk to the history; ``std`` is its standard deviation at the last displacement, meters."""
+        if std == 0:
             return state
-        return self.model.with_noise(state, size, torch.Generator().manual_seed(int(random.integers(2**63))))
+        return self.model.with_noise(state, std, torch.Generator().manual_seed(int(random.integers(2**63))))
 
-    def true_step(self, window: Window, number: int) -> tuple[Tensor, Tensor]:
-        """The true move in a step of a window, meters, and the true velocities after it, m/s; both (N, 3)."""
-        before, _ = window.frame(number * self.frames_per_step)
-        positions, velocities = window.frame((number + 1) * self.frames_per_step)
-        return positions - before, velocities
+    def next_state(self, state: History, positions: Tensor, velocities: Tensor) -> History:
+        """The state one frame after ``state``, at ``positions`` and with ``velocities`` (N, 3), without gradient."""
+        return state.moved_to(positions, velocities).detach()
 
-    def asked_step(self, state: History, window: Window, number: int) -> tuple[Tensor, Tensor]:
-        """The move and the velocities that are asked of ``state`` in a step of a window; both (N, 3).
+    def target_displacement(self, state: History, window: Window, number: int) -> Tensor:
+        """The target (N, 3) of the displacement in the frame after frame ``number`` of a window, meters.
 
-        They are the true ones, as in GNS: so an error of the last move is to be made good at once, one of place not at
-        all. Of a state that has strayed far no more is asked than of one that has strayed by the bounds.
+        It is the true displacement, as in GNS: the model must correct an error of the last displacement at once, and
+        an error of the position not at all. Of an error beyond MAX_VELOCITY_DRIFT it must correct only that much.
         """
-        last, last_velocities = self.true_step(window, number - 1)
-        move, velocities = self.true_step(window, number)
-        off, faster = (state.displacements[:, 0] - last).detach(), (state.velocities - last_velocities).detach()
-        return move + off - at_most(off, FASTEST * FRAME_TIME), velocities + faster - at_most(faster, FASTEST)
+        drift = (state.displacements[:, 0] - true_displacement(window, number - 1)).detach()
+        return true_displacement(window, number) + drift - clamp_length(drift, MAX_VELOCITY_DRIFT * FRAME_TIME)
 
-    def predict(
-        self, states: list[History], batch: Batch, number: int, phase: Phase
-    ) -> tuple[list[StepErrors], list[tuple[Tensor, Tensor]]]:
-        """One step of the model; all windows go through the network together."""
-        windows = batch.windows
-        seen = batch_inputs(
-            [self.model.network_input(s, window.environment) for s, window in zip(states, windows, strict=True)]
+    def window_losses(
+        self, states: Sequence[History], windows: Sequence[Window], number: int, phase: Phase
+    ) -> list[WindowLoss]:
+        """Predict one frame of every window, all in one pass of the network, and compare it with the truth."""
+        inputs = batch_inputs(
+            [self.model.network_input(state, window.environment) for state, window in zip(states, windows, strict=True)]
         )
-        # Around the network alone: a product of positions in bfloat16 would be off by millimeters.
-        with torch.autocast(seen.node_features.device.type, torch.bfloat16, enabled=self.bf16):
-            joined = self.model.predict_acceleration(seen)
-        errors, reached = [], []
-        every = joined.split([len(state.positions) for state in states])
-        for window, state, predicted in zip(windows, states, every, strict=True):
-            reached.append(self.model.integrate(state, predicted))
-            wanted = self.model.acceleration_target(state, self.asked_step(state, window, number)[0])
+        # Autocast only the network: products of positions in bfloat16 would be wrong by millimeters.
+        with torch.autocast(inputs.node_features.device.type, torch.bfloat16, enabled=self.bf16):
+            accelerations = self.model.predict_acceleration(inputs).split([len(state.positions) for state in states])
+        losses = []
+        for window, state, acceleration in zip(windows, states, accelerations, strict=True):
+            positions, velocities = self.model.integrate(state, acceleration)
+            target = self.model.acceleration_target(state, self.target_displacement(state, window, number))
             with torch.no_grad():
                 near = window.environment.distance_and_normal(state.positions)[0] < NEAR_SURFACE_DISTANCE
-            error = (predicted - wanted).square().mean(dim=-1)
+            error = (acceleration - target).square().mean(dim=-1)
             loss = (torch.where(near, NEAR_WEIGHT, 1.0) * error).mean()
             if phase.density > 0:
-                positions = reached[-1][0]
                 distance, _ = window.environment.distance_and_normal(positions)
-                near_each_other = find_neighbors(positions, KERNEL_SUPPORT)
-                loss = loss + phase.density * density_loss(positions, near_each_other, distance, window.environment)
-            errors.append(StepErrors(loss, mean_where(error, near), mean_where(error, ~near)))
-        return errors, reached
+                neighbors = find_neighbors(positions, KERNEL_SUPPORT)
+                loss = loss + phase.density * density_loss(positions, neighbors, distance, window.environment)
+            losses.append(WindowLoss(loss, masked_mean(error, near), masked_mean(error, ~near), positions, velocities))
+        return losses
+
+
+def true_displacement(window: Window, number: int) -> Tensor:
+    """The true displacement (N, 3) from frame ``number`` of a window to the next, meters."""
+    return window.frame(number + 1)[0] - window.frame(number)[0]

@@ -1,93 +1,95 @@
-"""The objective of the convolution: its correction to what the rule makes of a frame, of velocity and of position."""
+"""The objective of the corrected simulator: the network's correction to the solver's velocities and positions."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 import torch
 from torch import Tensor
 
+from surfsup.datasets.windows import Window
 from surfsup.learned.corrected.correction import POSITION_SHARE, Correction
-from surfsup.learned.corrected.simulator import CorrectedSimulator, Observation, join_observations
-from surfsup.scene import NEAR_SURFACE_DISTANCE
-from surfsup.sph.kernel_sums import Graph
-from surfsup.sph.state import FRAME_TIME, ParticleState
+from surfsup.learned.corrected.simulator import CorrectedSimulator, join_observations
+from surfsup.scene import FRAME_TIME, NEAR_SURFACE_DISTANCE
+from surfsup.sph.kernel_sums import KernelGraph
+from surfsup.sph.solver import Observation
+from surfsup.sph.state import ParticleState
 from surfsup.training.config import Phase
 from surfsup.training.objectives.correction_loss import (
-    calm_loss,
-    motion_loss,
+    correction_loss,
+    small_error_loss,
     squared_error,
-    wanted_correction,
+    target_correction,
 )
-from surfsup.training.objectives.objective import Batch, Objective, StepErrors, mean_where
-from surfsup.training.objectives.strayed import weight_of
+from surfsup.training.objectives.drift import drift_weight
+from surfsup.training.objectives.objective import Objective, WindowLoss, masked_mean
 
-NOISE_DECADES = 2.0  # how many powers of ten smaller than the configured noise a window's may be
+NOISE_DECADES = 2.0  # the noise of a window is up to this many powers of ten smaller than configured
 
 
-class CorrectionObjective(Objective):
-    """Motion loss and, in phases that weigh it, the logarithm of errors."""
+class CorrectionObjective(Objective[CorrectedSimulator, ParticleState]):
+    """The scaled squared error and, in phases with that term, the logarithm of small errors."""
 
-    model: CorrectedSimulator
+    def add_noise(self, state: ParticleState, std: float, random: np.random.Generator) -> ParticleState:
+        """Add noise like the model's own error: position and velocity errors are correlated.
 
-    def with_noise(self, state: ParticleState, size: float, random: np.random.Generator) -> ParticleState:
-        """A state as the model itself would have left it."""
-        return with_error(state, size, random)
+        Its standard deviation is drawn anew for every window, log-uniformly up to ``std`` meters, so that calm states
+        stay calm.
+        """
+        if std == 0:
+            return state
+        own_std = std * 10 ** random.uniform(-NOISE_DECADES, 0)
 
-    def predict(
-        self, states: list[ParticleState], batch: Batch, number: int, phase: Phase
-    ) -> tuple[list[StepErrors], list[tuple[Tensor, Tensor]]]:
-        """One frame; all windows go through the network together."""
-        model, windows = self.model, batch.windows
-        seen = [
-            with_fixed_graph(model.observe(state, window.environment))
+        def draw() -> Tensor:
+            return torch.from_numpy(random.normal(0, own_std, state.positions.shape).astype(np.float32)).to(
+                state.positions
+            )
+
+        velocity_noise = draw() / FRAME_TIME
+        position_noise = POSITION_SHARE * FRAME_TIME * velocity_noise + 0.5 * draw()
+        return ParticleState(state.positions + position_noise, state.velocities + velocity_noise)
+
+    def next_state(self, state: ParticleState, positions: Tensor, velocities: Tensor) -> ParticleState:
+        """The state one frame after ``state``, at ``positions`` and with ``velocities`` (N, 3), without gradient."""
+        return ParticleState(positions, velocities)
+
+    def window_losses(
+        self, states: Sequence[ParticleState], windows: Sequence[Window], number: int, phase: Phase
+    ) -> list[WindowLoss]:
+        """Predict one frame of every window, all in one pass of the network, and compare it with the truth."""
+        model = self.model
+        inputs = [
+            detach_kernels(model.observe(state, window.environment))
             for state, window in zip(states, windows, strict=True)
         ]
-        corrections = split(model.correct(join_observations(seen)), seen)
-        errors, reached = [], []
-        for window, view, correction in zip(windows, seen, corrections, strict=True):
-            reached.append(model.advance(view, correction))
-            wanted = wanted_correction(view, window.frame(number), window.frame(number + 1))
+        losses = []
+        for window, seen, correction in zip(
+            windows, inputs, split(model.correct(join_observations(inputs)), inputs), strict=True
+        ):
+            target = target_correction(seen, window.frame(number), window.frame(number + 1))
             with torch.no_grad():
-                sure = weight_of(view.state.positions - window.frame(number)[0])
-                near = view.distance < NEAR_SURFACE_DISTANCE
-            loss = motion_loss(correction, wanted, near, sure)
-            if phase.calm > 0:
-                loss = loss + phase.calm * calm_loss(correction, wanted, sure)
-            error = squared_error(correction, wanted)
-            errors.append(StepErrors(loss, mean_where(error, near), mean_where(error, ~near)))
-        return errors, reached
+                weight = drift_weight(seen.state.positions - window.frame(number)[0])
+                near = window.environment.distance_and_normal(seen.positions)[0] < NEAR_SURFACE_DISTANCE
+            loss = correction_loss(correction, target, near, weight)
+            if phase.small_errors > 0:
+                loss = loss + phase.small_errors * small_error_loss(correction, target, weight)
+            error = squared_error(correction, target)
+            losses.append(
+                WindowLoss(loss, masked_mean(error, near), masked_mean(error, ~near), *correction.added_to(seen.positions, seen.velocities))
+            )
+        return losses
 
 
-def with_fixed_graph(seen: Observation) -> Observation:
-    """The observation with its kernels taken as given.
-
-    Their gradient would be passed back to the frame before, where it says little and costs as much as all
-    the rest.
-    """
-    return replace(seen, graph=Graph(seen.graph.neighborhood, seen.graph.kernels.detach()))
+def detach_kernels(seen: Observation) -> Observation:
+    """The observation without gradients through its kernels, which are constants of the step."""
+    graph = seen.substep.graph
+    return replace(seen, substep=replace(seen.substep, graph=KernelGraph(graph.neighbors, graph.kernels.detach())))
 
 
 def split(joined: Correction, parts: list[Observation]) -> list[Correction]:
-    """The correction of several scenes side by side, scene by scene."""
-    sizes = [len(part.ahead) for part in parts]
+    """The correction of each of several scenes, from the joined one."""
+    sizes = [len(part.positions) for part in parts]
     pairs = zip(joined.velocity.split(sizes), joined.position.split(sizes), strict=True)
     return [Correction(*pair) for pair in pairs]
-
-
-def with_error(state: ParticleState, size: float, random: np.random.Generator) -> ParticleState:
-    """The state with noise that looks like an error of the model: those of place and of velocity go together.
-
-    Its size is drawn anew for every window, from almost nothing up to ``size`` meters, so that a calm state stays calm.
-    """
-    if size == 0:
-        return state
-    own = size * 10 ** random.uniform(-NOISE_DECADES, 0)
-
-    def draw() -> Tensor:
-        return torch.from_numpy(random.normal(0, own, state.positions.shape).astype(np.float32)).to(state.positions)
-
-    in_velocity = draw() / FRAME_TIME
-    in_place = POSITION_SHARE * FRAME_TIME * in_velocity + 0.5 * draw()
-    return ParticleState(state.positions + in_place, state.velocities + in_velocity)

@@ -1,4 +1,4 @@
-"""What the correction objective asks of a predicted frame."""
+"""The loss of the corrected simulator's objective."""
 
 from __future__ import annotations
 
@@ -7,66 +7,67 @@ from torch import Tensor
 
 from surfsup.learned.corrected.correction import Correction
 from surfsup.learned.corrected.features import DISPLACEMENT_SCALE
-from surfsup.learned.corrected.simulator import Observation
-from surfsup.sph.state import FRAME_TIME
-from surfsup.training.objectives.strayed import FARTHEST, FASTEST, at_most
+from surfsup.scene import FRAME_TIME
+from surfsup.sph.solver import Observation
+from surfsup.training.objectives.drift import MAX_POSITION_DRIFT, MAX_VELOCITY_DRIFT, clamp_length
 
 Frame = tuple[Tensor, Tensor]  # positions and velocities
 
 NEAR_WEIGHT = 2.0
-RETURN = 0.3  # of the distance strayed from the truth that a frame is asked to make good
-FLOOR = 0.05  # of a frame's mean squared correction: keeps frames at rest from dominating
-CALM = 0.1  # of a correction's unit: errors below count for nothing in the calm term
+POSITION_RETURN = 0.3  # share of the position drift that the target of a frame corrects
+SIZE_FLOOR = 0.05  # added to a frame's mean squared target, so that frames at rest do not dominate
+SMALL_ERROR = 0.1  # in units of a correction; the small-error term ignores errors far below it
 
 
-def wanted_correction(seen: Observation, before: Frame, after: Frame) -> Correction:
-    """The correction that would lead from ``seen`` to the true velocities and by the true displacement.
+def target_correction(seen: Observation, before: Frame, after: Frame) -> Correction:
+    """The correction that leads from a state to the true velocities and by the true displacement.
 
-    Where the state has strayed from the truth its place is asked to return only by a part: how far it strayed is mostly
-    chaos that no state tells, and asking for all of it teaches the model to snap back, which pumps energy in. Where
-    it has strayed far it is asked no more than if it had strayed a little (:mod:`.strayed`).
+    Of the position drift only the share POSITION_RETURN is corrected. Most of it is chaos that cannot be inferred from
+    the state; a target without any drift teaches the model to snap back, which adds energy. Of a drift beyond the
+    bounds in :mod:`.drift` only as much as of one at the bounds is corrected.
 
     Args:
-        seen: what the network saw.
-        before: true positions (N, 3) in meters and velocities (N, 3) in m/s of the frame that was seen.
+        seen: the input of the network.
+        before: true positions (N, 3) in meters and velocities (N, 3) in m/s of the same frame.
         after: the same one frame later.
     """
-    strayed = (seen.state.positions - before[0]).detach()
-    off = (seen.state.velocities - before[1]).detach()
-    goal = after[0] + strayed - RETURN * at_most(strayed, FARTHEST)
-    velocities = after[1] + off - at_most(off, FASTEST)
-    missing = velocities - seen.speeds
-    return Correction(missing * FRAME_TIME / DISPLACEMENT_SCALE, (goal - seen.places) / DISPLACEMENT_SCALE)
+    position_drift = (seen.state.positions - before[0]).detach()
+    velocity_drift = (seen.state.velocities - before[1]).detach()
+    positions = after[0] + position_drift - POSITION_RETURN * clamp_length(position_drift, MAX_POSITION_DRIFT)
+    velocities = after[1] + velocity_drift - clamp_length(velocity_drift, MAX_VELOCITY_DRIFT)
+    return Correction(
+        (velocities - seen.velocities) * FRAME_TIME / DISPLACEMENT_SCALE, (positions - seen.positions) / DISPLACEMENT_SCALE
+    )
 
 
-def motion_loss(predicted: Correction, wanted: Correction, near: Tensor, sure: Tensor) -> Tensor:
-    """Squared error of velocity and, twice, of position, over the root of the frame's own size.
+def correction_loss(predicted: Correction, target: Correction, near: Tensor, weight: Tensor) -> Tensor:
+    """The squared error, divided by the root of the frame's mean squared target.
 
-    Dividing by the root lets calm frames count without letting them drown the impacts.
+    The division by the root raises the weight of calm frames without making impacts irrelevant.
 
     Args:
-        predicted: by the network.
-        wanted: the truth.
-        near: (N,) whether a particle is within NEAR_SURFACE_DISTANCE of the solid.
-        sure: (N,) what a particle's truth still says of it, 0 to 1 (:func:`.strayed.weight_of`).
+        predicted: the network's correction.
+        target: the target.
+        near: (N,) whether a particle is near the surface.
+        weight: (N,) of each particle's error, from :func:`.drift.drift_weight`.
     """
-    error = squared_error(predicted, wanted)
-    weight = torch.where(near, NEAR_WEIGHT, 1.0)
-    # Without a gradient: else a frame could be made to look easier by straying further in the one before.
-    size = wanted.velocity.detach().square().sum(dim=-1).mean()
-    return (weight * sure * error).sum() / weight.sum() / (size + FLOOR).sqrt()
+    near_weight = torch.where(near, NEAR_WEIGHT, 1.0)
+    # Without gradient: otherwise the frame before could lower the loss of this one by a larger drift.
+    size = target.velocity.detach().square().sum(dim=-1).mean()
+    error = near_weight * weight * squared_error(predicted, target)
+    return error.sum() / near_weight.sum() / (size + SIZE_FLOOR).sqrt()
 
 
-def calm_loss(predicted: Correction, wanted: Correction, sure: Tensor) -> Tensor:
-    """Logarithm of the squared error, so that halving a small one is worth as much as halving a large one.
+def small_error_loss(predicted: Correction, target: Correction, weight: Tensor) -> Tensor:
+    """The mean logarithm of the squared error, which rewards halving a small error as much as halving a large one.
 
-    Beside an impact a fall and a pool at rest weigh nothing in a squared error. But they last: hundredths of a
-    millimeter a frame on the way down are millimeters at the impact, and these decide where the splash goes.
+    Compared with an impact, free fall and a pool at rest have no weight in a squared error. But they last: hundredths
+    of a millimeter a frame in free fall add up to millimeters at the impact, which decide the splash.
     """
-    return (sure * torch.log1p(squared_error(predicted, wanted) / CALM**2)).mean()
+    return (weight * torch.log1p(squared_error(predicted, target) / SMALL_ERROR**2)).mean()
 
 
-def squared_error(predicted: Correction, wanted: Correction) -> Tensor:
-    """Squared error of velocity and, twice, of position, of each particle (N,)."""
-    error = (predicted.velocity - wanted.velocity).square().sum(dim=-1)
-    return error + 2 * (predicted.position - wanted.position).square().sum(dim=-1)
+def squared_error(predicted: Correction, target: Correction) -> Tensor:
+    """The squared error of the velocity plus twice that of the position, of each particle (N,)."""
+    error = (predicted.velocity - target.velocity).square().sum(dim=-1)
+    return error + 2 * (predicted.position - target.position).square().sum(dim=-1)

@@ -1,129 +1,133 @@
-"""What a training step minimizes: the base of all objectives."""
+"""The base of all objectives: the loss of one step of a batch of rollouts."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Generic, TypeVar
 
 import numpy as np
 import torch
 from torch import Tensor, nn
 
 from surfsup.datasets.windows import Window
+from surfsup.learned.base import LearnedSimulator
 from surfsup.sph.collision import resolve_collisions
-from surfsup.sph.simulator import FluidState, Simulator
+from surfsup.sph.simulator import FluidState
 
 if TYPE_CHECKING:
     from surfsup.training.config import Phase
 
+State = TypeVar("State", bound=FluidState)
+Model = TypeVar("Model", bound=LearnedSimulator)
+
 
 class Batch:
-    """Windows of equal length, for each a generator of all else that is random about it, and how far they are gone.
+    """Windows of equal length, a random generator for each, and the states of their rollouts.
 
-    With a generator to each window it makes no difference which process of several does which. This is no dataclass:
-    Fabric would take one apart to look for tensors.
+    Each window has its own generator, so that the distribution of windows over processes changes nothing. This is not a
+    dataclass, because Fabric would search one for tensors.
 
     Attributes:
-        states: where the model has brought each window; None before the first step.
-        done: how many steps of the model that took.
+        states: the current state of each window's rollout; None before the first step.
+        age: number of steps that the rollouts have taken.
     """
 
     def __init__(self, windows: Sequence[Window], randoms: Sequence[np.random.Generator]) -> None:
         self.windows, self.randoms = windows, randoms
         self.states: Sequence[FluidState] | None = None
-        self.done = 0
+        self.age = 0
+
+    def surface_kinds(self) -> list[str]:
+        """The kind of each window's surface, 'none' without one."""
+        return [window.scene.surface_kind for window in self.windows]
 
 
 @dataclass(frozen=True)
-class StepErrors:
-    """How far off one predicted step of one window is; all of them scalars.
+class WindowLoss:
+    """The loss of one predicted step of one window.
 
     Attributes:
-        loss: what is minimized.
-        near: mean squared error of the particles near the surface, NaN where there are none.
-        far: the same of all others.
+        loss: the loss, a scalar.
+        near: mean squared error of the particles near the surface, a scalar; NaN if there are none.
+        far: the same of all other particles.
+        positions, velocities: (N, 3) after the step, before collision handling.
     """
 
     loss: Tensor
     near: Tensor
     far: Tensor
+    positions: Tensor
+    velocities: Tensor
 
 
-class Objective(nn.Module, ABC):
-    """The loss of a batch, whose rollouts go on from where its last loss left them (push-forward).
+class Objective(nn.Module, ABC, Generic[Model, State]):
+    """The loss of a batch whose rollouts continue from the state of its last loss (push-forward).
 
-    It is a module around the simulator, so that a whole step is one forward pass, as data-parallel training needs.
+    The objective is a module around the simulator, so that a training step is a single forward pass, as data-parallel
+    training needs.
 
     Attributes:
         model: the simulator that is trained.
-        frames_per_step: that a step of it goes.
     """
 
-    def __init__(self, model: Simulator, frames_per_step: int = 1) -> None:
+    def __init__(self, model: Model) -> None:
         super().__init__()
-        self.model, self.frames_per_step = model, frames_per_step
+        self.model = model
 
     def forward(self, batch: Batch, phase: Phase) -> tuple[Tensor, Tensor]:
-        """The loss of the next steps, and for each window (B, 3) its loss and its errors near to and far from solids.
+        """The loss of the next step, and for each window (B, 3) its loss and its errors near and far from the surface.
 
-        The batch is then that much further, without gradient.
+        The rollouts of the batch advance by this step, without gradient.
         """
-        states = batch.states or self.begin(batch, phase.noise)
-        every: list[StepErrors] = []
-        for number in range(batch.done, batch.done + phase.unroll):
-            errors, reached = self.predict(states, batch, number, phase)
-            every += errors
-            states = [after(*given) for given in zip(states, reached, batch.windows, strict=True)]
-        batch.states, batch.done = [state.detach() for state in states], batch.done + phase.unroll
-        loss = torch.stack([one.loss for one in every]).mean()
-        return loss, report(every, len(batch.windows))
+        states: Sequence[State] = batch.states or self.initial_states(batch, phase.noise)  # type: ignore[assignment]  # states of its own simulator
+        losses = self.window_losses(states, batch.windows, batch.age, phase)
+        next_states: list[FluidState] = []
+        for state, window, one in zip(states, batch.windows, losses, strict=True):
+            kept = resolve_collisions(state.positions, one.positions, one.velocities, window.environment)
+            next_states.append(self.next_state(state, kept.positions.detach(), kept.velocities.detach()))
+        batch.states, batch.age = next_states, batch.age + 1
+        rows = torch.stack([torch.stack([one.loss.detach(), one.near, one.far]) for one in losses])
+        return torch.stack([one.loss for one in losses]).mean(), rows
 
-    def begin(self, batch: Batch, noise: float) -> list[FluidState]:
-        """The states that the windows begin with, which are true up to noise of ``noise`` meters."""
+    def initial_states(self, batch: Batch, noise: float) -> list[State]:
+        """The states of the windows at their present frames, with noise of ``noise`` meters.
+
+        Windows at the start of their scene get no noise.
+        """
         return [
-            self.with_noise(self.model.state_after(*window.up_to_now), 0.0 if window.begins else noise, random)
+            self.add_noise(
+                self.model.state_from_frames(*window.history), 0.0 if window.at_scene_start else noise, random
+            )
             for window, random in zip(batch.windows, batch.randoms, strict=True)
         ]
 
-    def prepare(self, examples: Iterable[Window], randoms: Sequence[np.random.Generator], noise: float) -> None:
-        """Take from examples what is not learned by descent; here there is no such thing."""
+    def fit_normalizers(self, examples: Iterable[Window], randoms: Sequence[np.random.Generator], noise: float) -> None:
+        """Measure the normalizers of the model on examples; by default there are none."""
 
     @abstractmethod
-    def with_noise(self, state: Any, size: float, random: np.random.Generator) -> Any:
-        """A true state with errors as the model itself would have made, of ``size`` meters at most."""
+    def add_noise(self, state: State, std: float, random: np.random.Generator) -> State:
+        """A true state with errors like those of the model, of at most ``std`` meters."""
 
     @abstractmethod
-    def predict(
-        self, states: list[Any], batch: Batch, number: int, phase: Phase
-    ) -> tuple[list[StepErrors], list[tuple[Tensor, Tensor]]]:
-        """Predict one step of every window.
+    def next_state(self, state: State, positions: Tensor, velocities: Tensor) -> State:
+        """The state one frame after ``state``, at ``positions`` and with ``velocities`` (N, 3), without gradient."""
+
+    @abstractmethod
+    def window_losses(
+        self, states: Sequence[State], windows: Sequence[Window], number: int, phase: Phase
+    ) -> list[WindowLoss]:
+        """Predict one step of every window and compare it with the truth.
 
         Args:
-            states: of every window, before the step.
-            batch: the windows.
-            number: of the step in the window.
-            phase: of training.
-
-        Returns:
-            For every window its errors, and the positions and velocities (N, 3) reached, before the guard.
+            states: the state of every window before the step.
+            windows: the windows.
+            number: the frame of the windows before the step, counted from the present one.
+            phase: the phase of training.
         """
 
 
-def after(state: FluidState, reached: tuple[Tensor, Tensor], window: Window) -> FluidState:
-    """The handle_collisions state after a step from ``state`` to the positions and velocities ``reached``."""
-    kept = resolve_collisions(state.positions, *reached, window.environment)
-    return state.moved_to(kept.positions, kept.velocities)
-
-
-def mean_where(values: Tensor, chosen: Tensor) -> Tensor:
-    """The mean of ``values`` (N,) over the ``chosen`` (N,); NaN where none is. It waits for no device."""
-    return torch.where(chosen, values.detach(), 0.0).sum() / chosen.sum()
-
-
-def report(every: Sequence[StepErrors], windows: int) -> Tensor:
-    """(windows, 3): each window's loss, error near to and far from the surface, means over its steps."""
-    with torch.no_grad():
-        rows = torch.stack([torch.stack([one.loss, one.near, one.far]) for one in every]).unflatten(0, (-1, windows))
-        return torch.cat([rows[..., :1].mean(dim=0), rows[..., 1:].nanmean(dim=0)], dim=-1)
+def masked_mean(values: Tensor, mask: Tensor) -> Tensor:
+    """The mean of ``values`` (N,) where ``mask`` (N,) is True, NaN if it is nowhere; does not synchronize a GPU."""
+    return torch.where(mask, values.detach(), 0.0).sum() / mask.sum()
