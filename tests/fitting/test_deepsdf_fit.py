@@ -4,40 +4,40 @@ import torch
 import trimesh
 
 from surfsup.errors import InputError
-from surfsup.fitting.deepsdf_fit import CLAMP, ELSEWHERE, clamped_error, draw_samples, samples_of
-from surfsup.fitting.exact import ExactSolid
+from surfsup.fitting.deepsdf_fit import CLAMP, CUBE_SAMPLES, clamped_error, sample_shape, sample_shapes
+from surfsup.fitting.exact_shape import ExactSurface
 from surfsup.fitting.interpolate import interpolate
 from surfsup.fitting.reconstruct import reconstruct
 from surfsup.fitting.sample_file import load_samples, save_samples
-from surfsup.fitting.shape_set import shape_set
+from surfsup.fitting.shape_set import open_shape_set
 from surfsup.sdf import Box
 from tests.fitting.conftest import Balls
 
 
-def test_samples_crowd_near_the_surface():
-    _, distance = samples_of(ExactSolid(Box((0.5, 0.5, 0.5))), np.random.default_rng(0))
+def test_most_samples_are_near_the_surface():
+    _, distance = sample_shape(ExactSurface(Box((0.5, 0.5, 0.5))), np.random.default_rng(0))
     assert (distance.abs() < 0.1).float().mean() > 0.75
-    assert len(distance) > 8 * ELSEWHERE
+    assert len(distance) > 8 * CUBE_SAMPLES
 
 
-def test_beyond_the_clamp_all_distances_are_alike():
+def test_differences_beyond_the_clamp_have_no_error():
     far = torch.tensor([0.3, -0.3])
     assert float(clamped_error(far, torch.tensor([5.0, -5.0]))) == 0
     assert float(clamped_error(far, -far)) == pytest.approx(2 * CLAMP)
 
 
-def test_every_shape_comes_out_as_it_went_in(few_shapes):
+def test_every_fitted_shape_has_its_distances(few_shapes):
     balls = Balls()
     for name in few_shapes.names:
-        near = balls.exact(name).near(2000, np.random.default_rng(5))
+        near = balls.shape(name).sample_near(2000, np.random.default_rng(5))
         surface = few_shapes.surface(few_shapes.code(name))
         value = surface.distance(torch.from_numpy(near.points).float()).numpy()
         assert np.abs(value - near.distance).mean() < 0.025
 
 
-def test_an_unseen_shape_is_found_by_its_code(few_shapes):
-    unseen = ExactSolid(Box((0.6, 0.35, 0.4)))
-    points, distance = samples_of(unseen, np.random.default_rng(1))
+def test_an_unseen_shape_is_reconstructed_by_its_code(few_shapes):
+    unseen = ExactSurface(Box((0.6, 0.35, 0.4)))
+    points, distance = sample_shape(unseen, np.random.default_rng(1))
     found = reconstruct(few_shapes, points, distance)
     assert found.code.shape == (4,)
     assert found.nearest in ("brick", "plank")
@@ -47,10 +47,10 @@ def test_an_unseen_shape_is_found_by_its_code(few_shapes):
     assert found.error < float(before)
 
 
-def test_an_interpolation_begins_and_ends_with_the_shapes_themselves(few_shapes):
+def test_an_interpolation_starts_and_ends_at_the_two_shapes(few_shapes):
     first, second = few_shapes.code("cube"), few_shapes.code("plank")
     steps = list(interpolate(few_shapes, first, second, 3, resolution=40))
-    assert [step.share for step in steps] == [0, 0.5, 1]
+    assert [step.fraction for step in steps] == [0, 0.5, 1]
     volumes = [step.mesh.volume for step in steps]
     assert volumes[0] > volumes[1] > volumes[2]
     assert all(step.whole for step in steps)
@@ -58,8 +58,8 @@ def test_an_interpolation_begins_and_ends_with_the_shapes_themselves(few_shapes)
         next(interpolate(few_shapes, first, second, 1))
 
 
-def test_samples_come_back_from_the_disk(tmp_path):
-    samples = draw_samples(Balls(), 0, lambda done, total: None)
+def test_saved_samples_are_loaded_unchanged(tmp_path):
+    samples = sample_shapes(Balls(), 0, lambda done, total: None)
     save_samples(tmp_path, samples)
     back = load_samples(tmp_path)
     assert back.names == samples.names
@@ -68,35 +68,35 @@ def test_samples_come_back_from_the_disk(tmp_path):
         load_samples(tmp_path / "elsewhere")
 
 
-def test_our_own_chairs_and_bowls_are_drawn_by_their_numbers():
+def test_procedural_shapes_follow_from_their_numbers():
     for source in ("chairs", "bowls"):
-        shapes = shape_set(source, None, 3)
+        shapes = open_shape_set(source, None, 3)
         assert len(shapes.names) == 3
-        first, second = (shapes.exact(name).known(np.full((1, 3), 0.3)).distance for name in shapes.names[:2])
-        again = shape_set(source, None, 1).exact(shapes.names[0]).known(np.full((1, 3), 0.3)).distance
+        first, second = (shapes.shape(name).samples_at(np.full((1, 3), 0.3)).distance for name in shapes.names[:2])
+        again = open_shape_set(source, None, 1).shape(shapes.names[0]).samples_at(np.full((1, 3), 0.3)).distance
         assert first == again != second
-        assert shape_set(source, None, 2, first=1).names == shapes.names[1:]
+        assert open_shape_set(source, None, 2, first=1).names == shapes.names[1:]
 
 
-def test_a_folder_of_meshes_and_shapenets_layout_are_read(tmp_path):
+def test_a_folder_of_meshes_and_the_layout_of_shapenet_are_read(tmp_path):
     flat, nested = tmp_path / "flat", tmp_path / "03001627"
     for path in (flat / "one.obj", nested / "abc" / "models" / "model_normalized.obj"):
         path.parent.mkdir(parents=True)
         trimesh.creation.icosphere(2).export(path)
-    assert shape_set(str(flat), None, None).names == ["one"]
-    shapes = shape_set(str(nested), "y", None)
+    assert open_shape_set(str(flat), None, None).names == ["one"]
+    shapes = open_shape_set(str(nested), "y", None)
     assert shapes.names == ["abc"]
-    assert shapes.exact("abc").cube.scale == pytest.approx(1, abs=0.01)
+    assert shapes.shape("abc").normalization.scale == pytest.approx(1, abs=0.01)
 
 
 def test_a_folder_without_meshes_is_refused(tmp_path):
-    with pytest.raises(InputError, match="holds no meshes; give a folder of files that end in"):
-        shape_set(str(tmp_path), None, None)
-    with pytest.raises(InputError, match="is no folder; give one with meshes, or one of chairs, bowls"):
-        shape_set(str(tmp_path / "none"), None, None)
+    with pytest.raises(InputError, match="contains no meshes; give a folder of files that end in"):
+        open_shape_set(str(tmp_path), None, None)
+    with pytest.raises(InputError, match="is not a folder; give one with meshes, or one of chairs, bowls"):
+        open_shape_set(str(tmp_path / "none"), None, None)
 
 
-def test_meshes_that_cannot_be_used_are_left_out_with_a_warning(tmp_path):
+def test_unusable_meshes_are_left_out_with_a_warning(tmp_path):
     (tmp_path / "a.obj").write_text("v 0 0 0\n")
     with pytest.warns(UserWarning, match="a: left out"), pytest.raises(InputError, match="none of the 1 shapes"):
-        draw_samples(shape_set(str(tmp_path), None, None), 0, lambda done, total: None)
+        sample_shapes(open_shape_set(str(tmp_path), None, None), 0, lambda done, total: None)

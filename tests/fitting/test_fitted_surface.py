@@ -1,4 +1,4 @@
-"""A fitted network is a surface like any other."""
+"""A fitted network as a surface."""
 
 import numpy as np
 import pytest
@@ -7,7 +7,7 @@ import torch
 from surfsup.errors import InputError
 from surfsup.evaluation.near_surface import surface_for_metrics
 from surfsup.scene import Scene
-from surfsup.sdf import NeuralSurface, Sphere, Transformed, Union, save_deepsdf, save_siren, standing
+from surfsup.sdf import NeuralSurface, Sphere, Transformed, Union, fit_surface, save_deepsdf, save_siren
 
 SCENE = """
 surface: {shape}
@@ -25,7 +25,7 @@ def scene_of(folder, shape) -> Scene:
     return Scene.load(path)
 
 
-def test_it_has_the_distance_and_the_normal_of_what_it_was_fitted_to(ball_siren):
+def test_it_has_the_distance_and_normal_of_its_target(ball_siren):
     places = points()
     distance, normal = ball_siren.distance_and_normal(places)
     true_distance, true_normal = Sphere(1.0).distance_and_normal(places)
@@ -34,13 +34,13 @@ def test_it_has_the_distance_and_the_normal_of_what_it_was_fitted_to(ball_siren)
     assert float((normal * true_normal).sum(dim=-1)[away].mean()) > 0.99
 
 
-def test_at_any_size_it_is_f_s_of_p(ball_siren):
+def test_a_scaled_surface_is_f_s_of_p(ball_siren):
     places = points(reach=20.0)
     large = Transformed(ball_siren, scale=15.0)
     torch.testing.assert_close(large.distance(places), 15 * ball_siren.distance(places / 15))
 
 
-def test_in_a_scene_it_stands_where_it_is_put_and_is_part_of_unions(ball_siren, tmp_path):
+def test_a_scene_places_it_and_joins_it_with_other_surfaces(ball_siren, tmp_path):
     save_siren(tmp_path / "ball.safetensors", ball_siren)
     scene = scene_of(
         tmp_path, "{union: [{siren: {file: ball.safetensors, fit: 0.6}}, {sphere: {radius: 0.1}, at: [0, 0, 0.65]}]}"
@@ -50,16 +50,16 @@ def test_in_a_scene_it_stands_where_it_is_put_and_is_part_of_unions(ball_siren, 
     expected = Union(Transformed(Sphere(0.3), None, (0, 0, 0.3)), Transformed(Sphere(0.1), None, (0, 0, 0.65)))
     places = points(reach=0.8)
     assert float((surface.distance(places) - expected.distance(places)).abs().mean()) < 0.01
-    assert len(scene.start(surface).positions) > 1000
+    assert len(scene.initial_particles(surface).positions) > 1000
 
 
-def test_left_as_it_is_it_stands_where_its_mesh_was(ball_siren, tmp_path):
+def test_without_fit_it_keeps_the_position_of_its_mesh(ball_siren, tmp_path):
     save_siren(tmp_path / "ball.safetensors", ball_siren)
     surface = scene_of(tmp_path, "{siren: {file: ball.safetensors}}").build_surface()
     np.testing.assert_allclose(surface.bounds(), [[-0.25] * 3, [0.25] * 3], atol=0.01)
 
 
-def test_metrics_take_the_exact_distance_of_its_mesh(ball_siren, tmp_path):
+def test_metrics_use_the_exact_distance_of_its_mesh(ball_siren, tmp_path):
     save_siren(tmp_path / "ball.safetensors", ball_siren)
     surface = surface_for_metrics(scene_of(tmp_path, "{siren: {file: ball.safetensors, fit: 2.0}}"))
     (neural,) = (part for part in surface.modules() if isinstance(part, NeuralSurface))
@@ -69,7 +69,7 @@ def test_metrics_take_the_exact_distance_of_its_mesh(ball_siren, tmp_path):
     assert surface.to_mesh().is_watertight
 
 
-def test_its_mesh_is_closed_and_on_its_zero(ball_siren):
+def test_its_mesh_is_closed_and_on_the_zero_set(ball_siren):
     mesh = ball_siren.to_mesh(48)
     assert mesh.is_watertight
     np.testing.assert_allclose(np.linalg.norm(mesh.vertices, axis=1), 1, atol=0.03)
@@ -91,21 +91,21 @@ def test_a_shape_of_many_is_chosen_by_name_or_by_code(few_shapes, tmp_path):
     ("shape", "complaint"),
     [
         ("{deepsdf: {file: few.safetensors}}", "holds 4 shapes; choose one"),
-        ("{deepsdf: {file: few.safetensors, code: [1, 2]}}", "a code of it is 4 numbers"),
+        ("{deepsdf: {file: few.safetensors, code: [1, 2]}}", "a code has 4 numbers"),
         ("{deepsdf: {file: few.safetensors, shape: cub}}", "did you mean 'cube'"),
         ("{deepsdf: {file: few.safetensors, shape: cube, code: [1, 2]}}", "give either shape or code"),
         ("{siren: {file: few.safetensors}}", "make one with 'surfsup fit siren'"),
         ("{siren: {file: none.safetensors}}", "no such file"),
     ],
 )
-def test_a_shape_that_is_none_is_told_of(few_shapes, tmp_path, shape, complaint):
+def test_an_unusable_shape_is_named(few_shapes, tmp_path, shape, complaint):
     save_deepsdf(tmp_path / "few.safetensors", few_shapes)
     with pytest.raises(InputError, match=complaint):
         scene_of(tmp_path, shape).build_surface()
 
 
-def test_standing_puts_the_foot_on_the_floor(ball_siren):
-    lower, upper = standing(ball_siren, 0.8).bounds()
+def test_a_fitted_extent_puts_the_foot_on_the_floor(ball_siren):
+    lower, upper = fit_surface(ball_siren, 0.8).bounds()
     assert float(lower[2]) == pytest.approx(0, abs=1e-6)
     assert float((upper - lower).max()) == pytest.approx(0.8)
     assert torch.allclose((lower + upper)[:2], torch.zeros(2), atol=1e-6)

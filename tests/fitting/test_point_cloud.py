@@ -6,7 +6,7 @@ from surfsup.errors import InputError
 from surfsup.fitting.point_cloud import is_cloud, load_cloud
 
 HEADER = "ply\nformat ascii 1.0\nelement vertex {}\n{}end_header\n"
-PLACE = "property float x\nproperty float y\nproperty float z\n"
+POSITION = "property float x\nproperty float y\nproperty float z\n"
 NORMAL = "property float nx\nproperty float ny\nproperty float nz\n"
 
 
@@ -17,13 +17,13 @@ def sphere() -> np.ndarray:
     return np.concatenate([2 * normals, 3 * normals], axis=1)
 
 
-def write_ply(path, rows, properties=PLACE + NORMAL):
+def write_ply(path, rows, properties=POSITION + NORMAL):
     lines = "\n".join(" ".join(map(str, row)) for row in rows)
     path.write_text(HEADER.format(len(rows), properties) + lines + "\n")
     return path
 
 
-def test_xyz_and_ply_hold_the_same_points_and_normals_become_of_length_one(sphere, tmp_path):
+def test_xyz_and_ply_give_the_same_points_and_unit_normals(sphere, tmp_path):
     text = tmp_path / "ball.xyz"
     text.write_text("# x y z nx ny nz\n\n" + "\n".join(" ".join(map(str, row)) for row in sphere))
     for path in (text, write_ply(tmp_path / "ball.ply", sphere)):
@@ -33,17 +33,17 @@ def test_xyz_and_ply_hold_the_same_points_and_normals_become_of_length_one(spher
         np.testing.assert_allclose(cloud.normals, sphere[:, 3:] / 3, atol=1e-6)
 
 
-def test_a_ply_with_triangles_is_no_cloud(tmp_path):
+def test_a_ply_with_triangles_is_not_a_cloud(tmp_path):
     path = tmp_path / "ball.ply"
     trimesh.creation.icosphere(1).export(path)
     assert not is_cloud(path)
     assert not is_cloud(tmp_path / "ball.obj")
 
 
-def test_points_without_normals_are_refused_with_how_to_get_them(sphere, tmp_path):
+def test_points_without_normals_are_refused_with_a_remedy(sphere, tmp_path):
     text = tmp_path / "ball.xyz"
     text.write_text("\n".join(" ".join(map(str, row[:3])) for row in sphere))
-    for path in (text, write_ply(tmp_path / "ball.ply", sphere[:, :3], PLACE)):
+    for path in (text, write_ply(tmp_path / "ball.ply", sphere[:, :3], POSITION)):
         with pytest.raises(InputError, match=r"have no normals .*estimate_normals"):
             load_cloud(path)
 
@@ -58,20 +58,20 @@ def test_points_without_normals_are_refused_with_how_to_get_them(sphere, tmp_pat
         (lambda rows: np.where(np.arange(6) == 1, np.nan, rows), "not finite"),
     ],
 )
-def test_a_cloud_that_bounds_nothing_is_refused(sphere, tmp_path, change, complaint):
+def test_a_cloud_without_an_inside_is_refused(sphere, tmp_path, change, complaint):
     with pytest.raises(InputError, match=complaint):
         load_cloud(write_ply(tmp_path / "cloud.ply", change(sphere)))
 
 
 @pytest.mark.parametrize(("text", "complaint"), [("1 2 x 4 5 6", "line 1 is not six"), ("1 2", "line 1 is not six")])
-def test_a_line_that_is_no_point_is_named(tmp_path, text, complaint):
+def test_a_malformed_line_is_named(tmp_path, text, complaint):
     path = tmp_path / "cloud.xyz"
     path.write_text(text)
     with pytest.raises(InputError, match=complaint):
         load_cloud(path)
 
 
-def test_a_file_that_is_missing_damaged_or_no_text_is_told_of(tmp_path):
+def test_a_missing_or_damaged_file_is_refused(tmp_path):
     with pytest.raises(InputError, match="cannot be read"):
         load_cloud(tmp_path / "none.xyz")
     (tmp_path / "cut.ply").write_text("ply\nformat ascii 1.0\nelement vertex 5\n")
