@@ -7,7 +7,6 @@ import numpy as np
 import torch
 
 from surfsup.io.trajectory import Provenance, TrajectoryWriter
-from surfsup.learned.corrected.simulator import Architecture, CorrectedSimulator
 from surfsup.scene import Scene
 from surfsup.sph.state import ParticleState
 
@@ -21,7 +20,7 @@ SCENE = Scene.from_yaml(
 
 
 def write(path: Path, positions: np.ndarray, velocities: np.ndarray, scene: Scene = SCENE) -> Path:
-    """A trajectory file of those frames."""
+    """Write a trajectory file with these frames."""
     path.parent.mkdir(parents=True, exist_ok=True)
     with TrajectoryWriter(path, scene, Provenance("test"), positions.shape[1]) as writer:
         for frame in zip(positions, velocities, strict=True):
@@ -30,8 +29,8 @@ def write(path: Path, positions: np.ndarray, velocities: np.ndarray, scene: Scen
 
 
 def free_fall(frames: int = FRAMES, scene: Scene = SCENE) -> tuple[np.ndarray, np.ndarray]:
-    """Positions and velocities (frames, N, 3) of a fall from rest, as the solver falls."""
-    start = scene.start(None).positions.astype(np.float64)
+    """Positions and velocities (frames, N, 3) of a fall from rest, integrated as the reference solver does."""
+    start = scene.initial_particles(None).positions.astype(np.float64)
     steps = 5 * np.arange(frames)
     drop = -9.81 * 1e-6 * steps * (steps + 1) / 2
     positions = start + drop[:, None, None] * np.array([0, 0, 1])
@@ -41,29 +40,23 @@ def free_fall(frames: int = FRAMES, scene: Scene = SCENE) -> tuple[np.ndarray, n
 
 
 class Replay:
-    """A model that plays back given frames."""
+    """A simulator that replays given frames."""
 
-    def __init__(self, positions: np.ndarray, velocities: np.ndarray, moved: bool = False) -> None:
-        self.frames, self.moved = list(zip(positions, velocities, strict=True)), moved
+    def __init__(self, positions: np.ndarray, velocities: np.ndarray, collided: bool = False) -> None:
+        self.frames, self.collided = list(zip(positions, velocities, strict=True)), collided
 
     def to(self, device: str) -> "Replay":
-        """It plays on every device."""
+        """It runs on every device."""
         return self
 
-    def start(self, positions: torch.Tensor, velocities: torch.Tensor, around: object) -> ParticleState:
-        """It starts where its first frame is, whatever it is told."""
+    def initial_state(self, positions: torch.Tensor, velocities: torch.Tensor, environment: object) -> ParticleState:
+        """The given state."""
         return ParticleState(positions, velocities)
 
-    def rollout(self, state, around, frames, handle_collisions=True) -> Iterator[tuple[ParticleState, torch.Tensor]]:
-        """The given frames, whatever the state."""
+    def rollout(
+        self, state, environment, frames, handle_collisions=True
+    ) -> Iterator[tuple[ParticleState, torch.Tensor]]:
+        """The given frames, for any initial state."""
         for positions, velocities in self.frames[:frames]:
-            now, gone = torch.from_numpy(positions), torch.from_numpy(velocities)
-            yield ParticleState(now, gone), torch.full((len(now),), self.moved)
-
-
-def silent() -> CorrectedSimulator:
-    """A model that adds nothing to ballistic motion."""
-    simulator = CorrectedSimulator(Architecture(width=4, layers=1))
-    for parameter in simulator.parameters():
-        torch.nn.init.zeros_(parameter)
-    return simulator
+            state = ParticleState(torch.from_numpy(positions), torch.from_numpy(velocities))
+            yield state, torch.full((len(positions),), self.collided)

@@ -3,114 +3,114 @@ import pytest
 import torch
 
 from surfsup.evaluation.compare import compare
-from surfsup.evaluation.metrics import chamfer, highest_density, tree
+from surfsup.evaluation.metrics import chamfer, kd_tree, max_density
 from surfsup.io.trajectory import Trajectory
 from tests.evaluation.scenes import FRAMES, SCENE, free_fall, write
 
-LONG = SCENE.with_frames(40)  # more than are read at once
+LONG = SCENE.with_frames(40)  # more than one read
 
 
 @pytest.fixture
-def stirred(tmp_path):
-    """A truth and a prediction around the ball of the scene, with particles in it, near it and far from it."""
+def random_pair(tmp_path):
+    """A reference and a prediction with particles inside the scene's ball, near it and far from it."""
     random = np.random.default_rng(0)
 
-    def made(name: str, count: int) -> Trajectory:
+    def trajectory(name: str, count: int) -> Trajectory:
         positions = random.uniform([-0.49, -0.49, 0], [0.49, 0.49, 0.9], (40, count, 3)).astype(np.float32)
         velocities = random.normal(size=positions.shape).astype(np.float32)
         return Trajectory(write(tmp_path / name, positions, velocities, LONG))
 
-    with made("truth.h5", 50) as truth, made("other.h5", 70) as other:
-        yield truth, other
+    with trajectory("reference.h5", 50) as reference, trajectory("prediction.h5", 70) as prediction:
+        yield reference, prediction
 
 
-def test_every_curve_equals_a_brute_force_of_its_formula(stirred):
-    truth, other = stirred
-    (found,) = compare(truth, [other])
+def test_every_curve_equals_a_brute_force_of_its_formula(random_pair):
+    reference, prediction = random_pair
+    (found,) = compare(reference, [prediction])
     surface = SCENE.build_surface()
     for frame in range(40):
-        own, true = other.positions[frame], truth.positions[frame]
-        apart = np.linalg.norm(own[:, None].astype(np.float64) - true[None], axis=-1)
-        there, back = apart.min(axis=1), apart.min(axis=0)
-        own_distance, true_distance = (surface.distance(torch.from_numpy(points)).numpy() for points in (own, true))
-        near, near_true = own_distance < 0.09, true_distance < 0.09
+        predicted, true = prediction.positions[frame], reference.positions[frame]
+        distances = np.linalg.norm(predicted[:, None].astype(np.float64) - true[None], axis=-1)
+        there, back = distances.min(axis=1), distances.min(axis=0)
+        predicted_sdf, true_sdf = (surface.distance(torch.from_numpy(points)).numpy() for points in (predicted, true))
+        near, true_near = predicted_sdf < 0.09, true_sdf < 0.09
         assert found.chamfer[frame] == pytest.approx(there.mean() + back.mean(), rel=1e-12)
         assert found.chamfer_squared[frame] == pytest.approx((there**2).mean() + (back**2).mean(), rel=1e-12)
-        assert found.surface[frame] == pytest.approx(there[near].sum() + back[near_true].sum(), rel=1e-12)
-        assert found.surface_squared[frame] == pytest.approx((there[near] ** 2).sum() + (back[near_true] ** 2).sum())
-        assert found.own.inside[frame] == (own_distance < 0).sum()
-        assert found.own.depth[frame] == pytest.approx(own_distance[own_distance < 0].sum(), abs=1e-5)
-        assert (found.own.near[frame], found.true.near[frame]) == (near.sum(), near_true.sum())
-        assert found.own.height[frame] == pytest.approx(own[:, 2].astype(np.float64).mean())
-        assert found.true.energy[frame] == pytest.approx(
-            0.5 * (truth.velocities[frame].astype(np.float64) ** 2).sum(axis=1).mean()
+        assert found.surface[frame] == pytest.approx(there[near].sum() + back[true_near].sum(), rel=1e-12)
+        assert found.surface_squared[frame] == pytest.approx((there[near] ** 2).sum() + (back[true_near] ** 2).sum())
+        assert found.prediction.inside[frame] == (predicted_sdf < 0).sum()
+        assert found.prediction.depth[frame] == pytest.approx(predicted_sdf[predicted_sdf < 0].sum(), abs=1e-5)
+        assert (found.prediction.near[frame], found.reference.near[frame]) == (near.sum(), true_near.sum())
+        assert found.prediction.height[frame] == pytest.approx(predicted[:, 2].astype(np.float64).mean())
+        assert found.reference.energy[frame] == pytest.approx(
+            0.5 * (reference.velocities[frame].astype(np.float64) ** 2).sum(axis=1).mean()
         )
-        assert found.own.lost[frame] == 0
+        assert found.prediction.lost[frame] == 0
         if frame % 10 == 0:
-            assert found.own.density[frame] == pytest.approx(highest_density(tree(own)))
-    assert np.isnan(found.own.density[1:10]).all()
+            assert found.prediction.density[frame] == pytest.approx(max_density(kd_tree(predicted)))
+    assert np.isnan(found.prediction.density[1:10]).all()
 
 
-def test_a_threshold_says_who_is_near(stirred):
-    truth, other = stirred
-    nobody, everybody = (compare(truth, [other], threshold)[0] for threshold in (-1.0, 9.0))
-    assert not nobody.surface.any()
-    assert everybody.own.near.tolist() == [70] * 40
+def test_the_threshold_decides_which_particles_are_near(random_pair):
+    reference, prediction = random_pair
+    none, every = (compare(reference, [prediction], threshold)[0] for threshold in (-1.0, 9.0))
+    assert not none.surface.any()
+    assert every.prediction.near.tolist() == [70] * 40
 
 
-def test_a_trajectory_beside_itself_is_nothing_apart(truth):
-    (found,) = compare(truth, [truth])
+def test_a_trajectory_has_no_distance_to_itself(reference):
+    (found,) = compare(reference, [reference])
     assert not found.chamfer.any()
     assert not found.surface.any()
-    np.testing.assert_array_equal(found.own.height, found.true.height)
+    np.testing.assert_array_equal(found.prediction.height, found.reference.height)
 
 
-def test_several_are_what_each_would_be_alone(stirred):
-    truth, other = stirred
-    both = compare(truth, [other, truth])
-    np.testing.assert_array_equal(both[0].chamfer, compare(truth, [other])[0].chamfer)
+def test_several_predictions_give_the_comparisons_of_each_alone(random_pair):
+    reference, prediction = random_pair
+    both = compare(reference, [prediction, reference])
+    np.testing.assert_array_equal(both[0].chamfer, compare(reference, [prediction])[0].chamfer)
     assert not both[1].chamfer.any()
-    assert both[0].true is both[1].true
+    assert both[0].reference is both[1].reference
 
 
-def test_only_common_frames_are_compared_and_told_of(stirred, tmp_path):
-    truth, other = stirred
-    short = write(tmp_path / "short.h5", other.positions[:7], other.velocities[:7])
-    told = []
+def test_only_common_frames_are_compared_and_reported(random_pair, tmp_path):
+    reference, prediction = random_pair
+    short = write(tmp_path / "short.h5", prediction.positions[:7], prediction.velocities[:7])
+    calls = []
     with Trajectory(short) as seven:
-        assert len(compare(truth, [seven], tell=lambda *now: told.append(now))[0]) == 7
-    assert told == [(7, 7)]
+        assert len(compare(reference, [seven], progress=lambda *call: calls.append(call))[0]) == 7
+    assert calls == [(7, 7)]
 
 
-def test_particles_that_get_lost_are_counted_and_the_others_still_compared(truth, tmp_path):
+def test_lost_particles_are_counted_and_the_others_still_compared(reference, tmp_path):
     positions, velocities = free_fall()
     positions[3, 0] = np.nan
     positions[4, :2] = [0.0, 0.9, 1.0]  # through the wall
     velocities[5, 0] = np.inf
     velocities[6, 0, 2] = -31.0
     with Trajectory(write(tmp_path / "a" / "lossy.h5", positions, velocities)) as lossy:
-        (found,) = compare(truth, [lossy])
-    assert found.own.lost.tolist() == [0, 0, 0, 1, 2, 1, 1] + [0] * (FRAMES - 7)
-    # All but the lost one lie where they should; the truth's lost one has a neighbor at one spacing.
+        (found,) = compare(reference, [lossy])
+    assert found.prediction.lost.tolist() == [0, 0, 0, 1, 2, 1, 1] + [0] * (FRAMES - 7)
+    # The other particles have no error; the reference's particle without a counterpart has a neighbor at one spacing.
     assert found.chamfer[3] == pytest.approx(0.03 / positions.shape[1], rel=1e-3)
     assert found.chamfer[4] == pytest.approx(chamfer(positions[4], free_fall()[0][4]).plain)
-    assert np.isfinite(found.own.energy).all()
+    assert np.isfinite(found.prediction.energy).all()
 
 
-def test_a_rollout_that_blew_up_has_no_numbers_from_there_on(truth, tmp_path):
+def test_a_diverged_rollout_has_no_values_from_there_on(reference, tmp_path):
     positions, velocities = free_fall()
     positions[8:], velocities[8:] = np.nan, np.nan
     with Trajectory(write(tmp_path / "a" / "broken.h5", positions, velocities)) as broken:
-        (found,) = compare(truth, [broken])
+        (found,) = compare(reference, [broken])
     assert not found.chamfer[:8].any()
     assert np.isnan(found.chamfer[8:]).all()
-    assert np.isnan(found.own.height[8:]).all()
-    assert found.own.lost[8:].tolist() == [positions.shape[1]] * (FRAMES - 8)
+    assert np.isnan(found.prediction.height[8:]).all()
+    assert found.prediction.lost[8:].tolist() == [positions.shape[1]] * (FRAMES - 8)
 
 
-def test_an_empty_container_has_no_surface_to_be_near(tmp_path):
-    bare = SCENE.model_copy(update={"surface": None})
-    with Trajectory(write(tmp_path / "bare.h5", *free_fall(4, bare), bare)) as trajectory:
+def test_no_particle_is_near_in_an_empty_container(tmp_path):
+    empty = SCENE.model_copy(update={"surface": None})
+    with Trajectory(write(tmp_path / "empty.h5", *free_fall(4, empty), empty)) as trajectory:
         (found,) = compare(trajectory, [trajectory])
-    assert not found.own.near.any()
+    assert not found.prediction.near.any()
     assert not found.surface.any()

@@ -7,7 +7,7 @@ from surfsup.viewing import graphics
 
 
 @pytest.fixture(autouse=True)
-def fresh_answer():
+def clear_cache():
     graphics.require_graphics.cache_clear()
     yield
     graphics.require_graphics.cache_clear()
@@ -32,7 +32,7 @@ def test_without_a_driver_only_the_driver_is_named(monkeypatch):
     assert graphics.missing_packages() == ["libgl1-mesa-dri"]
 
 
-def test_only_linux_is_examined(monkeypatch):
+def test_only_linux_is_checked(monkeypatch):
     monkeypatch.setattr(graphics.sys, "platform", "darwin")
-    monkeypatch.setattr(graphics, "_open_library", lambda name: pytest.fail("looked for a library"))
+    monkeypatch.setattr(graphics, "_open_library", lambda name: pytest.fail("opened a library"))
     assert graphics.missing_packages() == []

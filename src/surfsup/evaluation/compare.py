@@ -1,4 +1,4 @@
-"""Trajectories of one scene against its truth, frame by frame."""
+"""Frame-by-frame comparison of trajectories with the reference trajectory of their scene."""
 
 from __future__ import annotations
 
@@ -8,32 +8,40 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.spatial import cKDTree
 
-from surfsup.evaluation.metrics import NO_CHAMFER, chamfer_of, chamfer_surface, highest_density, nearest, tree
+from surfsup.evaluation.metrics import (
+    UNDEFINED_CHAMFER,
+    chamfer_surface,
+    kd_tree,
+    max_density,
+    mean_chamfer,
+    nearest_distances,
+)
 from surfsup.evaluation.near_surface import surface_for_metrics
-from surfsup.evaluation.trajectory_statistics import Course, Frame, Observer
+from surfsup.evaluation.trajectory_statistics import StatisticsRecorder, TrajectoryStatistics, ValidParticles
 from surfsup.io.trajectory import Trajectory
 from surfsup.scene import NEAR_SURFACE_DISTANCE
 
-BLOCK = 16  # frames that are read at once; memory holds no more of a trajectory than that
-DENSITY_EVERY = 10  # frames
+FRAMES_PER_READ = 16  # bounds the memory
+DENSITY_STRIDE = 10  # frames
 THREADS = os.cpu_count() or 1
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """A trajectory beside the truth; every array is (frames,).
+    """A predicted trajectory beside the reference; every array is (frames,).
 
     Attributes:
-        own, true: each by itself.
-        chamfer: plain, meters; NaN in a frame that has no particle left.
-        chamfer_squared: square meters.
+        prediction, reference: statistics of each by itself.
+        chamfer: of plain distances, meters; NaN in a frame without valid particles.
+        chamfer_squared: of squared distances, square meters.
         surface: Chamfer Surface of plain distances, meters, a sum over particles.
-        surface_squared: of squared distances, square meters.
+        surface_squared: Chamfer Surface of squared distances, square meters.
     """
 
-    own: Course
-    true: Course
+    prediction: TrajectoryStatistics
+    reference: TrajectoryStatistics
     chamfer: np.ndarray
     chamfer_squared: np.ndarray
     surface: np.ndarray
@@ -43,64 +51,67 @@ class Comparison:
         """The number of frames."""
         return len(self.chamfer)
 
-    def take_down(self, number: int, own: Frame, true: Frame, truth: object) -> None:
-        """Compare frame ``number``; ``truth`` is the search tree of the true particles."""
-        whole = near = NO_CHAMFER
-        if len(own.positions) and len(true.positions):
-            particles = tree(own.positions)
-            apart = nearest(particles, truth)
-            whole, near = chamfer_of(apart), chamfer_surface(apart, own.near, true.near)
-            if number % DENSITY_EVERY == 0:
-                self.own.density[number] = highest_density(particles)
+    def record_frame(
+        self, number: int, prediction: ValidParticles, reference: ValidParticles, reference_tree: cKDTree
+    ) -> None:
+        """Compare frame ``number``; ``reference_tree`` is the search tree of the reference particles."""
+        whole = near = UNDEFINED_CHAMFER
+        if len(prediction.positions) and len(reference.positions):
+            tree = kd_tree(prediction.positions)
+            distances = nearest_distances(tree, reference_tree)
+            whole, near = mean_chamfer(distances), chamfer_surface(distances, prediction.near, reference.near)
+            if number % DENSITY_STRIDE == 0:
+                self.prediction.density[number] = max_density(tree)
         self.chamfer[number], self.chamfer_squared[number] = whole.plain, whole.squared
         self.surface[number], self.surface_squared[number] = near.plain, near.squared
 
 
 def compare(
-    truth: Trajectory,
-    others: Sequence[Trajectory],
+    reference: Trajectory,
+    predictions: Sequence[Trajectory],
     threshold: float = NEAR_SURFACE_DISTANCE,
-    tell: Callable[[int, int], None] = lambda done, total: None,
+    progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> list[Comparison]:
-    """Compare each of ``others`` with ``truth``, over the frames that all of them have.
+    """Compare each of ``predictions`` with ``reference``, over the frames that all of them have.
 
-    The truth is read and its search trees are built once for all. Particle counts may differ.
+    The reference is read, and its search trees are built, once for all predictions. Particle counts may differ.
 
     Args:
-        truth: what the reference solver made of the scene.
-        others: trajectories of the same scene.
-        threshold: meters; particles with a smaller distance count for Chamfer Surface.
-        tell: told how many frames are done.
+        reference: the trajectory of the reference solver.
+        predictions: trajectories of the same scene.
+        threshold: meters; closer particles count for Chamfer Surface.
+        progress: called with the numbers of finished and of all frames.
 
     Raises:
-        InputError: a mesh file of the scene is missing or not usable.
+        InputError: a mesh file of the scene is missing or not valid.
         OSError: a file is damaged.
     """
-    frames = min(len(trajectory) for trajectory in (truth, *others))
-    surface = surface_for_metrics(truth.scene)
-    observers = [Observer(trajectory, frames, surface, threshold) for trajectory in (truth, *others)]
-    true = observers[0].course
+    frames = min(len(trajectory) for trajectory in (reference, *predictions))
+    surface = surface_for_metrics(reference.scene)
+    recorders = [StatisticsRecorder(one, frames, surface, threshold) for one in (reference, *predictions)]
+    reference_statistics = recorders[0].statistics
     comparisons = [
-        Comparison(observer.course, true, *(np.full(frames, np.nan) for _ in range(4))) for observer in observers[1:]
+        Comparison(recorder.statistics, reference_statistics, *(np.full(frames, np.nan) for _ in range(4)))
+        for recorder in recorders[1:]
     ]
 
-    def take_down(number: int, true_frame: Frame, *own_frames: Frame) -> None:
-        particles = tree(true_frame.positions)
-        if number % DENSITY_EVERY == 0 and particles.n:
-            true.density[number] = highest_density(particles)
-        for comparison, own_frame in zip(comparisons, own_frames, strict=True):
-            comparison.take_down(number, own_frame, true_frame, particles)
+    def record_frame(number: int, reference_frame: ValidParticles, *predicted_frames: ValidParticles) -> None:
+        tree = kd_tree(reference_frame.positions)
+        if number % DENSITY_STRIDE == 0 and tree.n:
+            reference_statistics.density[number] = max_density(tree)
+        for comparison, predicted_frame in zip(comparisons, predicted_frames, strict=True):
+            comparison.record_frame(number, predicted_frame, reference_frame, tree)
 
-    # The search trees work outside Python's lock, so that threads help.
+    # The search trees release Python's lock, so threads help.
     with ThreadPoolExecutor(THREADS) as threads:
-        for first in range(0, frames, BLOCK):
-            last = min(first + BLOCK, frames)
+        for first in range(0, frames, FRAMES_PER_READ):
+            last = min(first + FRAMES_PER_READ, frames)
 
-            def read(observer: Observer, first: int = first, last: int = last) -> list[Frame]:
-                positions = observer.trajectory.positions[first:last]
-                return observer.observe(positions, observer.trajectory.velocities[first:last], first)
+            def read(recorder: StatisticsRecorder, first: int = first, last: int = last) -> list[ValidParticles]:
+                trajectory = recorder.trajectory
+                return recorder.record(trajectory.positions[first:last], trajectory.velocities[first:last], first)
 
-            seen = list(threads.map(read, observers))
-            list(threads.map(take_down, range(first, last), *seen))
-            tell(last, frames)
+            particles = list(threads.map(read, recorders))
+            list(threads.map(record_frame, range(first, last), *particles))
+            progress(last, frames)
     return comparisons

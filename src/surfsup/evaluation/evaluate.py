@@ -1,4 +1,4 @@
-"""A model judged beside true trajectories, and beside the floor where there is one."""
+"""Evaluation of a simulator against reference trajectories and their reproducibility floor."""
 
 from __future__ import annotations
 
@@ -9,123 +9,126 @@ from pathlib import Path
 
 from surfsup.errors import InputError
 from surfsup.evaluation.compare import Comparison, compare
-from surfsup.evaluation.load_trajectories import Truth
-from surfsup.evaluation.rollout import roll_out
-from surfsup.evaluation.scores import ByWindow, mean_scores, scores
+from surfsup.evaluation.load_trajectories import ReferenceTrajectory
+from surfsup.evaluation.rollout import write_rollout
+from surfsup.evaluation.scores import WindowScores, compute_scores, mean_scores
 from surfsup.io.trajectory import Trajectory
 from surfsup.scene import NEAR_SURFACE_DISTANCE
 from surfsup.sph.simulator import Simulator
 
-ROLLOUTS = "trajectories"  # folder in the report
+ROLLOUT_FOLDER = "trajectories"  # in the report
 
 
 @dataclass(frozen=True)
-class Judgment:
-    """A trajectory and the repeats of the truth, each beside the truth.
+class Evaluation:
+    """A predicted trajectory and the repeats of the reference, each compared with the reference.
 
     Attributes:
         surface: kind of solid, 'none' in an empty container.
-        particles: of the truth.
-        own: the trajectory that is judged.
-        floors: the truth's repeats.
-        scores: of the trajectory.
-        floor: mean of the repeats; empty where there are none.
+        particles: number in the reference.
+        comparison: of the prediction.
+        floor_comparisons: of the reference's repeats.
+        scores: of the prediction.
+        floor: mean scores of the repeats; empty without repeats.
     """
 
     surface: str
     particles: int
-    own: Comparison
-    floors: list[Comparison]
-    scores: ByWindow
-    floor: ByWindow
+    comparison: Comparison
+    floor_comparisons: list[Comparison]
+    scores: WindowScores
+    floor: WindowScores
 
 
 @dataclass(frozen=True)
-class JudgedScene:
-    """One scene of a data set, judged.
+class EvaluatedScene:
+    """One evaluated scene of a data set.
 
     Attributes:
-        truth: what it was judged by.
-        rollout: the model's trajectory file.
-        handle_collisions: share of particles that the guard moved in a frame.
-        judgment: how the rollout came off.
+        reference: its reference trajectory.
+        rollout: trajectory file of the simulator.
+        collided_share: share of particles that collision handling moved, mean over frames.
+        evaluation: of the rollout.
     """
 
-    truth: Truth
+    reference: ReferenceTrajectory
     rollout: Path
-    handle_collisions: float
-    judgment: Judgment
+    collided_share: float
+    evaluation: Evaluation
 
     @property
     def name(self) -> str:
-        """Of the scene, in its data set."""
-        return self.truth.path.stem
+        """Name of the scene in its data set."""
+        return self.reference.path.stem
 
 
-def judge_file(
-    path: Path,
-    truth: Path,
+def evaluate_trajectory(
+    prediction: Path,
+    reference: Path,
     floors: Sequence[Path] = (),
     threshold: float = NEAR_SURFACE_DISTANCE,
-    tell: Callable[[int, int], None] = lambda done, total: None,
-) -> Judgment:
-    """Judge the trajectory in ``path`` by the one in ``truth``, over the frames that all files have.
+    progress: Callable[[int, int], None] = lambda done, total: None,
+) -> Evaluation:
+    """Evaluate the trajectory file ``prediction`` against ``reference``, over the frames that all files have.
 
     Args:
-        path, truth: two trajectories of one scene.
-        floors: repeats of the truth.
-        threshold: meters; particles nearer to the solid count for Chamfer Surface.
-        tell: told how many frames are done.
+        prediction, reference: two trajectories of one scene.
+        floors: repeats of the reference.
+        threshold: meters; particles closer to the solid count for Chamfer Surface.
+        progress: called with the numbers of finished and of all frames.
 
     Raises:
-        InputError: a file is not a trajectory or is damaged, or the scene's mesh is not usable.
+        InputError: a file is not a trajectory or is damaged, or the scene's mesh is not valid.
     """
     with ExitStack() as files:
-        opened = [files.enter_context(Trajectory(file)) for file in (truth, path, *floors)]
+        opened = [files.enter_context(Trajectory(file)) for file in (reference, prediction, *floors)]
         try:
-            own, *repeats = compare(opened[0], opened[1:], threshold, tell)
+            comparison, *repeats = compare(opened[0], opened[1:], threshold, progress)
         except OSError as error:
-            raise InputError(f"{path} or {truth}: is damaged ({' '.join(str(error).split())})") from None
-        shape, particles = opened[0].scene.surface, opened[0].positions.shape[1]
-    floor = mean_scores([scores(repeat) for repeat in repeats])
-    return Judgment(shape.kind if shape else "none", particles, own, repeats, scores(own), floor)
+            raise InputError(f"{prediction} or {reference}: is damaged ({' '.join(str(error).split())})") from None
+        surface, particles = opened[0].scene.surface_kind, opened[0].positions.shape[1]
+    floor = mean_scores([compute_scores(repeat) for repeat in repeats])
+    return Evaluation(surface, particles, comparison, repeats, compute_scores(comparison), floor)
 
 
 def evaluate(
-    model: Simulator,
+    simulator: Simulator,
     name: str,
-    truths: Sequence[Truth],
+    references: Sequence[ReferenceTrajectory],
     report: Path,
-    device: str,
+    device: str = "cpu",
     handle_collisions: bool = True,
     threshold: float = NEAR_SURFACE_DISTANCE,
-    tell: Callable[[int, int], None] = lambda done, total: None,
-) -> list[JudgedScene]:
-    """Roll ``model`` out beside every one of ``truths`` and judge it.
+    progress: Callable[[int, int], None] = lambda done, total: None,
+) -> list[EvaluatedScene]:
+    """Roll ``simulator`` out from the start of each of ``references`` and evaluate the rollouts.
 
     Args:
-        model: the simulator.
-        name: of the model.
-        truths: what to judge by; see :func:`surfsup.evaluation.load_trajectories.usable_truths`.
-        report: folder whose subfolder ``trajectories`` takes the rollouts.
-        device: where the model computes.
-        handle_collisions: whether the guard against penetration is on.
-        threshold: meters; particles nearer to the solid count for Chamfer Surface.
-        tell: told how many frames of all are done.
+        simulator: the simulator.
+        name: of the simulator.
+        references: see :func:`surfsup.evaluation.load_trajectories.load_references`.
+        report: folder whose subfolder ``trajectories`` receives the rollouts.
+        device: where to compute.
+        handle_collisions: whether collision handling keeps particles out of the solid.
+        threshold: meters; particles closer to the solid count for Chamfer Surface.
+        progress: called with the numbers of finished and of all frames.
 
     Raises:
         InputError: a rollout cannot be written.
     """
-    judged, done, total = [], 0, sum(truth.frames for truth in truths)
-    for truth in truths:
-        path = report / ROLLOUTS / truth.data / truth.path.name
+    scenes, done, total = [], 0, sum(reference.frames for reference in references)
+    for reference in references:
+        path = report / ROLLOUT_FOLDER / reference.data_set / reference.path.name
         path.parent.mkdir(parents=True, exist_ok=True)
 
-        def told(frame: int, before: int = done) -> None:
-            tell(before + frame, total)
+        def frame_done(frame: int, before: int = done) -> None:
+            progress(before + frame, total)
 
-        with Trajectory(truth.path) as beside:
-            guard_share = roll_out(model, beside, truth.frames, path, name, device, handle_collisions, told)
-        judged.append(JudgedScene(truth, path, guard_share, judge_file(path, truth.path, truth.floors, threshold)))
-        done += truth.frames
-    return judged
+        with Trajectory(reference.path) as trajectory:
+            collided_share = write_rollout(
+                path, simulator, name, trajectory, reference.frames, device, handle_collisions, frame_done
+            )
+        evaluation = evaluate_trajectory(path, reference.path, reference.floors, threshold)
+        scenes.append(EvaluatedScene(reference, path, collided_share, evaluation))
+        done += reference.frames
+    return scenes

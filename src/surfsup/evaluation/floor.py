@@ -1,7 +1,8 @@
-"""The floor below which no simulator can go: the truth against itself, started one millimeter away.
+"""The reproducibility floor: the error of the reference solver against itself.
 
-``surfsup floor DIR`` makes the repeats. A model whose errors are not larger cannot be told from a second run
-of the reference solver.
+The reference solver runs each scene again with its water moved by 1 mm. Splashing water is chaotic, so these repeats
+differ from the first run, and no simulator can be expected to come closer. ``surfsup floor DIR`` makes the repeats. A
+simulator at the floor is indistinguishable from a second run of the reference solver.
 """
 
 from __future__ import annotations
@@ -10,10 +11,10 @@ import re
 from pathlib import Path
 
 FOLDER = "floor"
-HOW_TO_MAKE = "make it with 'surfsup floor {}'"
+FLOOR_HINT = "make it with 'surfsup floor {}'"
 
 
-def floor_files(truth: Path) -> list[Path]:
-    """The repeats of the trajectory file ``truth``: ``floor/<stem>-1.h5`` and so on beside it, if any."""
-    name = re.compile(re.escape(truth.stem) + r"-\d+\.h5")
-    return sorted(path for path in (truth.parent / FOLDER).glob("*.h5") if name.fullmatch(path.name))
+def floor_files(reference: Path) -> list[Path]:
+    """The repeats of the trajectory file ``reference``: ``floor/<stem>-1.h5`` and so on beside it, if any."""
+    name = re.compile(re.escape(reference.stem) + r"-\d+\.h5")
+    return sorted(path for path in (reference.parent / FOLDER).glob("*.h5") if name.fullmatch(path.name))

@@ -1,4 +1,4 @@
-"""Which trajectory files can be judged, and why the others cannot."""
+"""Find the reference trajectories of data sets, with their floors, and report which files are not valid."""
 
 from __future__ import annotations
 
@@ -8,36 +8,36 @@ from pathlib import Path
 
 import numpy as np
 
-from surfsup.datasets.units import OtherUnits, check_units
+from surfsup.datasets.units import UnitMismatchError, check_units
 from surfsup.errors import InputError
 from surfsup.evaluation.floor import floor_files
 from surfsup.io.trajectory import Trajectory
 from surfsup.scene import SPACING, Scene
 
-FRAMES_AT_ONCE = 64
+FRAMES_PER_READ = 64
 
 
 @dataclass(frozen=True)
-class Skipped:
-    """A file that cannot be used, and why."""
+class SkippedFile:
+    """A file that is not valid, and why."""
 
     file: Path
     reason: str
 
 
 @dataclass(frozen=True)
-class Truth:
-    """A true trajectory and its repeats.
+class ReferenceTrajectory:
+    """A trajectory of the reference solver, and its repeats.
 
     Attributes:
-        data: name of its data set.
+        data_set: name of its data set.
         path: its file.
-        scene: what it is of.
-        frames: how many of it are judged.
-        floors: the files of its repeats.
+        scene: the simulated scene.
+        frames: number of frames to evaluate.
+        floors: files of its repeats.
     """
 
-    data: str
+    data_set: str
     path: Path
     scene: Scene
     frames: int
@@ -46,125 +46,140 @@ class Truth:
 
 @dataclass(frozen=True)
 class DataSet:
-    """A folder of trajectories, those of them that are judged, and the name that the report gives it."""
+    """A folder of trajectories: its name in the report, and the files to evaluate."""
 
     name: str
     folder: Path
     paths: list[Path]
 
 
-def data_sets(folders: Sequence[Path], first: int | None = None) -> list[DataSet]:
-    """The trajectory files of ``folders``, each folder under a name of its own; of each the ``first`` so many or all.
+def find_data_sets(folders: Sequence[Path], first: int | None = None) -> list[DataSet]:
+    """The trajectory files of ``folders``, each folder under a unique name.
+
+    Args:
+        folders: folders of trajectory files.
+        first: number of files to take from each folder; None takes all.
 
     Raises:
-        InputError: a folder has none, or is given twice.
+        InputError: a folder has no trajectories, or is given twice.
     """
-    found = [folder.resolve() for folder in folders]
-    for number, folder in enumerate(found):
-        if folder in found[:number]:
+    resolved = [folder.resolve() for folder in folders]
+    for number, folder in enumerate(resolved):
+        if folder in resolved[:number]:
             raise InputError(f"{folders[number]}: is given twice")
     parts = 1
-    while len({folder.parts[-parts:] for folder in found}) < len(found):
+    while len({folder.parts[-parts:] for folder in resolved}) < len(resolved):
         parts += 1
     sets = []
-    for given, folder in zip(folders, found, strict=True):
-        paths = sorted(given.glob("*.h5"))
-        if not paths:
-            raise InputError(f"{given}: has no trajectories (*.h5) to judge by; make some with 'surfsup generate'")
-        sets.append(DataSet("-".join(part.strip("/") for part in folder.parts[-parts:]), given, paths[:first]))
+    for given, folder in zip(folders, resolved, strict=True):
+        name = "-".join(part.strip("/") for part in folder.parts[-parts:])
+        sets.append(DataSet(name, given, trajectory_files(given, first)))
     return sets
 
 
-def usable_truths(
-    sets: Sequence[DataSet],
-    tell: Callable[[int, int], None] = lambda done, total: None,
-    frames: int | None = None,
-) -> tuple[list[Truth], list[Skipped]]:
-    """Every true trajectory that can be judged by, with its usable repeats; and all files that cannot be used.
-
-    Args:
-        sets: where to look.
-        tell: told how many files are read.
-        frames: how many of each are judged; None takes all.
+def trajectory_files(folder: Path, first: int | None = None) -> list[Path]:
+    """The trajectory files of ``folder``, sorted by name: at most ``first`` of them.
 
     Raises:
-        InputError: there is not one truth.
-        OtherUnits: one is of another frame time or particle radius: no damage, but the wrong data.
+        InputError: there is none.
     """
-    truths: list[Truth] = []
-    skipped: list[Skipped] = []
+    paths = sorted(folder.glob("*.h5"))
+    if not paths:
+        raise InputError(f"{folder}: has no trajectories (*.h5) to evaluate on; make some with 'surfsup generate'")
+    return paths[:first]
+
+
+def load_references(
+    sets: Sequence[DataSet],
+    progress: Callable[[int, int], None] = lambda done, total: None,
+    frames: int | None = None,
+) -> tuple[list[ReferenceTrajectory], list[SkippedFile]]:
+    """Every valid reference trajectory with its valid repeats, and all files that are not valid.
+
+    Args:
+        sets: the data sets.
+        progress: called with the numbers of finished and of all files.
+        frames: number of frames to evaluate of each trajectory; None takes all.
+
+    Raises:
+        InputError: no reference trajectory is valid.
+        UnitMismatchError: the data set is for another frame time or particle radius.
+    """
+    references: list[ReferenceTrajectory] = []
+    skipped: list[SkippedFile] = []
     count, done = sum(len(one.paths) for one in sets), 0
     for one in sets:
         for path in one.paths:
             try:
-                scene, length = checked_truth(path)
-                judged = min(length, frames or length)
-                floors = usable_floors(path, scene, judged, skipped)
-                truths.append(Truth(one.name, path, scene, judged, floors))
-            except OtherUnits:
+                scene, length = check_reference(path)
+                evaluated = min(length, frames or length)
+                floors, damaged = load_floors(path, scene, evaluated)
+                references.append(ReferenceTrajectory(one.name, path, scene, evaluated, floors))
+                skipped += damaged
+            except UnitMismatchError:
                 raise
             except InputError as error:
-                skipped.append(Skipped(path, reason(path, error)))
+                skipped.append(skipped_file(path, error))
             done += 1
-            tell(done, count)
-    if not truths:
+            progress(done, count)
+    if not references:
         first = skipped[0]
-        raise InputError(f"none of the {count} trajectories can be used; {first.file}: {first.reason}")
-    return truths, skipped
+        raise InputError(f"none of the {count} trajectories is valid; {first.file}: {first.reason}")
+    return references, skipped
 
 
-def checked_truth(path: Path) -> tuple[Scene, int]:
-    """The scene and the number of frames of the true trajectory in ``path``.
+def check_reference(path: Path) -> tuple[Scene, int]:
+    """The scene and the number of frames of the reference trajectory in ``path``.
 
     Raises:
-        InputError: it is not a trajectory, is cut off or damaged, of other units, or its solid cannot be built.
+        InputError: it is not a trajectory, is cut off or damaged, has other units, or its solid cannot be built.
     """
-    with Trajectory(path) as truth:
-        check_units(path, truth)
-        if len(truth) < truth.scene.frames:
-            raise InputError(f"{path}: was cut off: it has {len(truth)} of its {truth.scene.frames} frames")
-        check_numbers(path, truth)
-        truth.scene.build_surface()
-        return truth.scene, len(truth)
+    with Trajectory(path) as reference:
+        check_units(path, reference)
+        if len(reference) < reference.scene.frames:
+            raise InputError(f"{path}: was cut off: it has {len(reference)} of its {reference.scene.frames} frames")
+        check_finite(path, reference)
+        reference.scene.build_surface()
+        return reference.scene, len(reference)
 
 
-def usable_floors(truth: Path, scene: Scene, frames: int, skipped: list[Skipped]) -> list[Path]:
-    """The repeats of ``truth`` that can be used; the others join ``skipped``."""
-    usable = []
-    for path in floor_files(truth):
+def load_floors(reference: Path, scene: Scene, frames: int) -> tuple[list[Path], list[SkippedFile]]:
+    """The valid repeats of ``reference``, and the repeats that are not valid."""
+    valid, skipped = [], []
+    for path in floor_files(reference):
         try:
             with Trajectory(path) as repeat:
                 check_units(path, repeat)
                 if len(repeat) < frames:
                     raise InputError(f"{path}: was cut off: it has {len(repeat)} of {frames} frames")
-                if (differing := difference(repeat.scene, scene)) is not None:
-                    raise InputError(f"{path}: is of another scene than {truth.name}: their {differing} differ")
-                check_numbers(path, repeat)
-            usable.append(path)
+                if (difference := scene_difference(repeat.scene, scene)) is not None:
+                    raise InputError(f"{path}: is of another scene than {reference.name}: their {difference} differ")
+                check_finite(path, repeat)
+            valid.append(path)
         except InputError as error:
-            skipped.append(Skipped(path, reason(path, error)))
-    return usable
+            skipped.append(skipped_file(path, error))
+    return valid, skipped
 
 
-def check_numbers(path: Path, trajectory: Trajectory) -> None:
-    """Read all of ``trajectory``, once.
+def check_finite(path: Path, trajectory: Trajectory) -> None:
+    """Read all of ``trajectory`` once.
 
     Raises:
-        InputError: it cannot be read to its end, or holds what is not a finite number.
+        InputError: it cannot be read to its end, or has values that are not finite.
     """
-    for first in range(0, len(trajectory), FRAMES_AT_ONCE):
+    for first in range(0, len(trajectory), FRAMES_PER_READ):
         try:
-            parts = [data[first : first + FRAMES_AT_ONCE] for data in (trajectory.positions, trajectory.velocities)]
+            parts = [data[first : first + FRAMES_PER_READ] for data in (trajectory.positions, trajectory.velocities)]
         except OSError:
             raise InputError(f"{path}: is damaged in the frames from {first} on") from None
         if not all(np.isfinite(part).all() for part in parts):
-            raise InputError(f"{path}: holds values that are not numbers in the frames from {first} on")
+            raise InputError(f"{path}: has values that are not finite in the frames from {first} on")
 
 
-def difference(one: Scene, other: Scene) -> str | None:
-    """What two scenes differ in, None if they are one scene.
+def scene_difference(one: Scene, other: Scene) -> str | None:
+    """Which part of two scenes differs; None if they are the same scene.
 
-    The blocks of fluid may lie up to one particle spacing apart, as those of the floor's repeats do.
+    The blocks of fluid may be up to one particle spacing apart, as those of the floor's repeats are.
     """
     root = Path("/")
     if one.container != other.container:
@@ -179,6 +194,6 @@ def difference(one: Scene, other: Scene) -> str | None:
     return None
 
 
-def reason(path: Path, error: InputError) -> str:
-    """The complaint without the file's own name in front of it."""
-    return str(error).removeprefix(f"{path}: ")
+def skipped_file(path: Path, error: InputError) -> SkippedFile:
+    """The file with its error message, without the file's name in front of it."""
+    return SkippedFile(path, str(error).removeprefix(f"{path}: "))

@@ -1,4 +1,4 @@
-"""The report folder: every number in ``report.json``, beside the rollouts themselves."""
+"""The numbers of an evaluation as plain data, for ``report.json`` and the report's page."""
 
 from __future__ import annotations
 
@@ -6,40 +6,45 @@ import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from surfsup import __version__
 from surfsup.errors import InputError
 from surfsup.evaluation.compare import Comparison
-from surfsup.evaluation.evaluate import JudgedScene, Judgment
-from surfsup.evaluation.floor import HOW_TO_MAKE
-from surfsup.evaluation.load_trajectories import DataSet, Skipped
-from surfsup.evaluation.scores import METRICS, WINDOWS, ByWindow, ratios
+from surfsup.evaluation.domain_warnings import domain_warnings
+from surfsup.evaluation.evaluate import EvaluatedScene, Evaluation
+from surfsup.evaluation.floor import FLOOR_HINT
+from surfsup.evaluation.load_trajectories import DataSet, SkippedFile
+from surfsup.evaluation.scores import METRICS, WINDOWS, WindowScores, floor_ratios
 from surfsup.evaluation.summary import summaries
-from surfsup.evaluation.unseen import unseen
 from surfsup.learned.weights_file import Card
 from surfsup.scene import FRAME_TIME
 
-DIGITS = 6  # of a curve's values; more are noise
+DIGITS = 6  # significant digits of a curve's values
 
-CHAMFERS = ("chamfer", "chamfer_squared", "surface", "surface_squared")  # of two trajectories
-COURSES = ("height", "energy", "inside", "near", "lost", "density")  # of each by itself
+CHAMFERS = ("chamfer", "chamfer_squared", "surface", "surface_squared")  # curves of a comparison
+STATISTICS = ("height", "energy", "inside", "near", "lost", "density")  # curves of each trajectory by itself
+
+Json = dict[str, Any]
 
 
 @dataclass(frozen=True)
-class Subject:
-    """What is judged and how.
+class EvaluationSettings:
+    """What is evaluated and how.
 
     Attributes:
-        card: the model's.
-        handle_collisions: whether the guard against penetration was on.
-        threshold: meters; particles nearer to the solid count for Chamfer Surface.
-        scenes: how many of every data set, the first ones; None are all.
-        frames: how many of every scene, the first ones; None are all.
+        name: of the simulator.
+        card: of its weights; None for a simulator without weights.
+        handle_collisions: whether collision handling was on.
+        threshold: meters; particles closer to the solid count for Chamfer Surface.
+        scenes: maximum number of scenes of each data set; None for all.
+        frames: maximum number of frames of each scene; None for all.
     """
 
-    card: Card
+    name: str
+    card: Card | None
     handle_collisions: bool
     threshold: float
     scenes: int | None = None
@@ -47,7 +52,7 @@ class Subject:
 
 
 def make_folder(path: Path) -> None:
-    """Make the folder that the report goes into.
+    """Make the folder of the report.
 
     Raises:
         InputError: it cannot be made.
@@ -59,123 +64,139 @@ def make_folder(path: Path) -> None:
 
 
 def evaluation_report(
-    subject: Subject,
+    settings: EvaluationSettings,
     sets: Sequence[DataSet],
-    scenes: Sequence[JudgedScene],
-    skipped: Sequence[Skipped],
+    scenes: Sequence[EvaluatedScene],
+    skipped: Sequence[SkippedFile],
     folder: Path,
-) -> dict:
-    """All that an evaluation found, as plain data for JSON; file names are relative to ``folder`` where they can be."""
-    strange = unseen(subject.card.seen, [scene.truth for scene in scenes])
+) -> Json:
+    """The whole evaluation as plain data for JSON.
+
+    Args:
+        settings: what was evaluated and how.
+        sets: the data sets.
+        scenes: the evaluated scenes.
+        skipped: files that were not valid.
+        folder: of the report; trajectories are named relative to it.
+    """
+    card = settings.card
+    warnings = domain_warnings(card.training_domain if card else None, [scene.reference for scene in scenes])
     return {
-        "model": {
-            "name": subject.card.name,
-            "about": subject.card.about,
-            "handle_collisions": subject.handle_collisions,
+        "simulator": {
+            "name": settings.name,
+            "about": card.about if card else "",
+            "handle_collisions": settings.handle_collisions,
         },
-        "limits": {"scenes": subject.scenes, "frames": subject.frames},
-        **definitions(subject.threshold),
-        "data": [{**data_set_entry(one, scenes, skipped), "unseen": strange.get(one.name)} for one in sets],
+        "limits": {"scenes": settings.scenes, "frames": settings.frames},
+        **definitions(settings.threshold),
+        "data": [{**data_set_entry(one, scenes, skipped), "domain_warning": warnings.get(one.name)} for one in sets],
         "means": [
             {
-                "data": mean.data,
+                "data": mean.data_set,
                 "surface": mean.surface,
                 "scenes": mean.scenes,
                 "floors": mean.floors,
-                "windows": beside(mean.model, mean.floor, mean.ratio),
+                "windows": score_entries(mean.scores, mean.floor, mean.ratio),
             }
             for mean in summaries(scenes)
         ],
         "scenes": [
             {
-                "data": scene.truth.data,
+                "data": scene.reference.data_set,
                 "scene": scene.name,
                 "trajectory": scene.rollout.relative_to(folder).as_posix(),
-                "handle_collisions": scene.handle_collisions,
-                **judgment_entry(scene.judgment),
+                "collided_share": scene.collided_share,
+                **evaluation_entry(scene.evaluation),
             }
             for scene in scenes
         ],
     }
 
 
-def definitions(threshold: float) -> dict:
-    """What the numbers of a report mean."""
+def definitions(threshold: float) -> Json:
+    """The meaning of a report's numbers."""
     return {
         "version": __version__,
         "frame_time": FRAME_TIME,
         "near": threshold,
         "metrics": [
-            {"key": m.key, "name": m.name, "unit": m.unit, "places": m.places, "tells": m.tells} for m in METRICS
+            {name: getattr(metric, name) for name in ("key", "name", "unit", "decimals", "description")}
+            for metric in METRICS
         ],
         "windows": [window.name for window in WINDOWS],
     }
 
 
-def data_set_entry(one: DataSet, scenes: Sequence[JudgedScene], skipped: Sequence[Skipped]) -> dict:
-    """A data set: how much of it was judged, and what was not."""
-    members = [scene for scene in scenes if scene.truth.data == one.name]
-    floors = sum(bool(scene.judgment.floors) for scene in members)
-    left_out = [bad for bad in skipped if bad.file.is_relative_to(one.folder)]
+def data_set_entry(one: DataSet, scenes: Sequence[EvaluatedScene], skipped: Sequence[SkippedFile]) -> Json:
+    """A data set: how many of its files were evaluated, and which were skipped."""
+    members = [scene for scene in scenes if scene.reference.data_set == one.name]
+    floors = sum(bool(scene.evaluation.floor_comparisons) for scene in members)
+    own_skipped = [bad for bad in skipped if bad.file.is_relative_to(one.folder)]
     return {
         "name": one.name,
         "files": len(one.paths),
         "scenes": len(members),
         "floors": floors,
-        "floor_missing": None if floors == len(members) else HOW_TO_MAKE.format(one.folder),
-        "skipped": [{"file": bad.file.relative_to(one.folder).as_posix(), "reason": bad.reason} for bad in left_out],
+        "floor_missing": None if floors == len(members) else FLOOR_HINT.format(one.folder),
+        "skipped": [{"file": bad.file.relative_to(one.folder).as_posix(), "reason": bad.reason} for bad in own_skipped],
     }
 
 
-def judgment_entry(judgment: Judgment) -> dict:
-    """One scene: numbers by window, and curves frame by frame."""
+def evaluation_entry(evaluation: Evaluation) -> Json:
+    """One scene: its scores by window, and its curves frame by frame."""
+    ratio = floor_ratios(evaluation.scores, evaluation.floor)
     return {
-        "surface": judgment.surface,
-        "particles": judgment.particles,
-        "frames": len(judgment.own),
-        "repeats": len(judgment.floors),
-        "windows": beside(judgment.scores, judgment.floor, ratios(judgment.scores, judgment.floor)),
-        "curves": curves(judgment.own, judgment.floors),
+        "surface": evaluation.surface,
+        "particles": evaluation.particles,
+        "frames": len(evaluation.comparison),
+        "repeats": len(evaluation.floor_comparisons),
+        "windows": score_entries(evaluation.scores, evaluation.floor, ratio),
+        "curves": curves(evaluation.comparison, evaluation.floor_comparisons),
     }
 
 
-def beside(model: ByWindow, floor: ByWindow, ratio: ByWindow) -> dict:
-    """Window -> metric -> model, floor and ratio."""
+def score_entries(scores: WindowScores, floor: WindowScores, ratio: WindowScores) -> Json:
+    """Window -> metric -> prediction, floor and ratio."""
     return {
         window: {
-            key: {"model": value, "floor": floor.get(window, {}).get(key), "ratio": ratio.get(window, {}).get(key)}
+            key: {"prediction": value, "floor": floor.get(window, {}).get(key), "ratio": ratio.get(window, {}).get(key)}
             for key, value in values.items()
         }
-        for window, values in model.items()
+        for window, values in scores.items()
     }
 
 
-def curves(own: Comparison, floors: Sequence[Comparison]) -> dict:
-    """Quantity -> model, floor (mean of the repeats) and, of what a trajectory has by itself, truth: (frames,) each."""
-    found = {
-        name: {"model": plain(getattr(own, name)), "floor": mean_curve([getattr(one, name) for one in floors])}
+def curves(comparison: Comparison, floors: Sequence[Comparison]) -> Json:
+    """Quantity -> curves (frames,) of prediction, floor (mean of the repeats) and, for statistics, reference."""
+    chamfers = {
+        name: {
+            "prediction": json_values(getattr(comparison, name)),
+            "floor": mean_curve([getattr(one, name) for one in floors]),
+        }
         for name in CHAMFERS
     }
-    for name in COURSES:
-        found[name] = {
-            "model": plain(getattr(own.own, name)),
-            "truth": plain(getattr(own.true, name)),
-            "floor": mean_curve([getattr(one.own, name) for one in floors]),
+    statistics = {
+        name: {
+            "prediction": json_values(getattr(comparison.prediction, name)),
+            "reference": json_values(getattr(comparison.reference, name)),
+            "floor": mean_curve([getattr(one.prediction, name) for one in floors]),
         }
-    return found
+        for name in STATISTICS
+    }
+    return {**chamfers, **statistics}
 
 
 def mean_curve(repeats: Sequence[np.ndarray]) -> list[float | None] | None:
-    """The mean of the repeats' curves; None where there are none."""
-    return plain(np.mean(repeats, axis=0)) if repeats else None
+    """The mean of the repeats' curves; None without repeats."""
+    return json_values(np.mean(repeats, axis=0)) if repeats else None
 
 
-def plain(values: np.ndarray) -> list[float | None]:
-    """Values as JSON has them: None where there is no number."""
+def json_values(values: np.ndarray) -> list[float | None]:
+    """Rounded values for JSON; None for values that are not finite."""
     return [float(f"{value:.{DIGITS}g}") if np.isfinite(value) else None for value in values]
 
 
-def write_json(path: Path, report: dict) -> None:
+def write_json(path: Path, report: Json) -> None:
     """Write ``report``.
 
     Raises:

@@ -1,4 +1,4 @@
-"""A model's rollout from the start of a true trajectory, as a trajectory file of its own."""
+"""Rollouts from the first frame of a reference trajectory, in memory or into a trajectory file."""
 
 from __future__ import annotations
 
@@ -11,64 +11,89 @@ import torch
 
 from surfsup.errors import SimulationError
 from surfsup.io.trajectory import Provenance, Trajectory, TrajectoryWriter
+from surfsup.sph.environment import Environment
 from surfsup.sph.simulator import Simulator, StateType
-from surfsup.sph.state import Environment
+
+
+def until_diverged(rollout: Iterator[tuple[StateType, torch.Tensor]]) -> Iterator[tuple[StateType, torch.Tensor]]:
+    """The frames of a rollout up to the first that is not finite or in which the fluid has collapsed."""
+    with suppress(SimulationError):
+        for state, collided in rollout:
+            if not (state.positions.isfinite().all() and state.velocities.isfinite().all()):
+                return
+            yield state, collided
+
+
+def roll_out(
+    simulator: Simulator[StateType],
+    reference: Trajectory,
+    environment: Environment,
+    frames: int,
+    handle_collisions: bool = True,
+) -> Iterator[tuple[StateType, torch.Tensor]]:
+    """Simulate from the first frame of ``reference`` until the rollout diverges.
+
+    Args:
+        simulator: on the device of ``environment``.
+        reference: gives the positions and velocities of frame 0.
+        environment: of the reference's scene.
+        frames: number of frames, frame 0 included.
+        handle_collisions: whether collision handling keeps particles out of the solid.
+
+    Returns:
+        An iterator over the frames: the state, and which particles (N,) collision handling moved.
+    """
+    device = environment.gravity.device
+    positions, velocities = (
+        torch.from_numpy(data[0]).to(device) for data in (reference.positions, reference.velocities)
+    )
+    state = simulator.initial_state(positions, velocities, environment)
+    return until_diverged(simulator.rollout(state, environment, frames, handle_collisions))
 
 
 @torch.no_grad()
-def roll_out(
-    model: Simulator,
-    truth: Trajectory,
-    frames: int,
+def write_rollout(
     path: Path,
+    simulator: Simulator,
     name: str,
-    device: str,
-    handle_collisions: bool,
-    tell: Callable[[int], None],
+    reference: Trajectory,
+    frames: int,
+    device: str = "cpu",
+    handle_collisions: bool = True,
+    progress: Callable[[int], None] = lambda done: None,
 ) -> float:
-    """Write to ``path`` what ``model`` makes of the start of ``truth``, over so many ``frames``.
+    """Write a rollout from the first frame of ``reference`` to the trajectory file ``path``.
 
-    From the frame on in which a rollout is no longer a number, or has collapsed, all its particles are written as NaN:
-    they are lost, and the file is as long as any.
+    The file always has ``frames`` frames. After a rollout has diverged, all particles are written as NaN and so count
+    as lost.
 
     Args:
-        model: the simulator.
-        truth: where to start.
-        frames: how many to write, the start among them.
-        path: of the trajectory file, replaced if it is there.
-        name: of the model, for the file.
+        path: the trajectory file; an existing file is replaced.
+        simulator: the simulator.
+        name: of the simulator, for the file.
+        reference: gives the scene and frame 0.
+        frames: number of frames, frame 0 included.
         device: where to compute.
-        handle_collisions: whether the guard against penetration is on.
-        tell: told how many frames are done.
+        handle_collisions: whether collision handling keeps particles out of the solid.
+        progress: called with the number of finished frames.
 
     Returns:
-        The share of particles that the guard moved, mean over frames.
+        The share of particles that collision handling moved, mean over frames.
 
     Raises:
-        InputError: a mesh file of the scene is not usable, or ``path`` cannot be written.
+        InputError: a mesh file of the scene is not valid, or ``path`` cannot be written.
     """
-    scene = truth.scene.with_frames(frames)
+    scene = reference.scene.with_frames(frames)
     environment = Environment.of(scene, scene.build_surface(), device)
-    start, velocities = (torch.from_numpy(data[0]).to(device) for data in (truth.positions, truth.velocities))
-    model = model.to(device)
-    rollout = model.rollout(model.start(start, velocities, environment), environment, frames, handle_collisions)
-    gone = np.full(start.shape, np.nan, dtype=np.float32)
-    shares = []
-    with TrajectoryWriter(path, scene, Provenance(name), len(start)) as writer:
-        for now, moved in while_sound(rollout):
-            writer.append(now.positions.cpu().numpy(), now.velocities.cpu().numpy())
-            shares.append(float(moved.float().mean()))
-            tell(len(shares))
-        for number in range(len(shares), frames):
-            writer.append(gone, gone)
-            tell(number + 1)
-    return float(np.mean(shares))
-
-
-def while_sound(rollout: Iterator[tuple[StateType, torch.Tensor]]) -> Iterator[tuple[StateType, torch.Tensor]]:
-    """The frames of a rollout before the one in which it is no longer a number, or has collapsed into a clump."""
-    with suppress(SimulationError):
-        for now, moved in rollout:
-            if not (now.positions.isfinite().all() and now.velocities.isfinite().all()):
-                return
-            yield now, moved
+    rollout = roll_out(simulator.to(device), reference, environment, frames, handle_collisions)
+    lost = np.full(reference.positions.shape[1:], np.nan, dtype=np.float32)
+    collided_shares = []
+    with TrajectoryWriter(path, scene, Provenance(name), len(lost)) as writer:
+        for state, collided in rollout:
+            writer.append(state.positions.cpu().numpy(), state.velocities.cpu().numpy())
+            collided_shares.append(float(collided.float().mean()))
+            progress(len(collided_shares))
+        for number in range(len(collided_shares), frames):
+            writer.append(lost, lost)
+            progress(number + 1)
+    return float(np.mean(collided_shares))

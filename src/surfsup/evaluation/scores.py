@@ -1,4 +1,4 @@
-"""From curves to numbers: every metric over every window of frames, its mean over scenes, its ratio to the floor."""
+"""Metrics over windows of frames, their means over scenes, and their ratios to the reproducibility floor."""
 
 from __future__ import annotations
 
@@ -10,36 +10,36 @@ import numpy as np
 
 from surfsup.evaluation.compare import Comparison
 
-Values = dict[str, float | None]  # metric's key -> value; None where there is nothing to average
-ByWindow = dict[str, Values]  # window's name -> values
+MetricValues = dict[str, float | None]  # key of a metric -> value; None where it is undefined
+WindowScores = dict[str, MetricValues]  # name of a window -> values
 
 
 @dataclass(frozen=True)
 class Metric:
-    """One number about a stretch of a comparison.
+    """One number that summarizes a window of a comparison.
 
     Attributes:
         key: its name in ``report.json``.
-        name: what people read.
-        unit: of the value; empty for a plain number.
-        places: after the decimal point.
-        tells: in one line.
-        of: the value over a window of frames.
-        seldom: whether a scene may well have no value; means are then over those that have one.
+        name: its name in tables.
+        unit: of the value; empty for a dimensionless number.
+        decimals: to show.
+        description: one line.
+        compute: the value over a window of frames.
+        skip_undefined: whether means leave out scenes without a value. Otherwise a mean with such a scene is undefined.
     """
 
     key: str
     name: str
     unit: str
-    places: int
-    tells: str
-    of: Callable[[Comparison, slice], float]
-    seldom: bool = False
+    decimals: int
+    description: str
+    compute: Callable[[Comparison, slice], float]
+    skip_undefined: bool = False
 
 
 @dataclass(frozen=True)
 class Window:
-    """A stretch of frames, from ``first`` to before ``last``; None is the end, whatever the length."""
+    """The frames from ``first`` up to, but not including, ``last``; None is the end."""
 
     name: str
     first: int
@@ -53,29 +53,36 @@ class Window:
 WINDOWS = (
     Window("0-100", 0, 100),  # the fall: nearly deterministic
     Window("100-200", 100, 200),  # impact
-    Window("200-300", 200, 300),  # splash: chaos
-    Window("300-end", 300, None),  # the pool comes to rest
+    Window("200-300", 200, 300),  # splash: chaotic
+    Window("300-end", 300, None),  # the water comes to rest
     Window("first 300", 0, 300),
     Window("all", 0, None),
 )
 FIRST_300, ALL = WINDOWS[-2].name, WINDOWS[-1].name
 
 
-def mean_depth(of: Comparison, window: slice) -> float:
-    """Mean distance of the particles inside the solid, meters; NaN if there were none."""
-    inside = of.own.inside[window].sum()
-    return of.own.depth[window].sum() / inside if inside else math.nan
+def mean_depth(comparison: Comparison, window: slice) -> float:
+    """Mean signed distance of the particles inside the solid, meters; NaN if there are none."""
+    inside = comparison.prediction.inside[window].sum()
+    return comparison.prediction.depth[window].sum() / inside if inside else math.nan
 
 
 def rebound(height: np.ndarray) -> float:
-    """How far a height (frames,) climbs back above the lowest that it had been at before, at most."""
+    """The largest rise of a height (frames,) above its earlier minimum."""
     return float((height - np.minimum.accumulate(height)).max())
 
 
-def highest(density: np.ndarray) -> float:
-    """The highest of the densities that were taken; NaN if there were none."""
-    taken = density[np.isfinite(density)]
-    return float(taken.max()) if len(taken) else math.nan
+def peak(density: np.ndarray) -> float:
+    """The largest of the densities that were computed; NaN if there are none."""
+    finite = density[np.isfinite(density)]
+    return float(finite.max()) if len(finite) else math.nan
+
+
+def energy_ratio(prediction: float, reference: float) -> float:
+    """Predicted over reference energy; 1 where both are 0, as for water at rest."""
+    if reference == 0:
+        return 1.0 if prediction == 0 else math.inf
+    return prediction / reference
 
 
 METRICS = (
@@ -84,32 +91,32 @@ METRICS = (
         "Chamfer",
         "m",
         4,
-        "mean distance to the nearest particle of the other, both ways added; particles are 0.03 m apart",
-        lambda of, window: of.chamfer[window].mean(),
+        "mean distance to the nearest particle of the other set, both directions added; particles are 0.03 m apart",
+        lambda c, window: c.chamfer[window].mean(),
     ),
     Metric(
         "chamfer_squared",
         "Chamfer squared",
         "m²",
         6,
-        "the same of squared distances, as the paper prints its formula; a few strays weigh more",
-        lambda of, window: of.chamfer_squared[window].mean(),
+        "the same with squared distances, as in the paper's formula; a few stray particles weigh more",
+        lambda c, window: c.chamfer_squared[window].mean(),
     ),
     Metric(
         "surface",
         "Chamfer Surface",
         "m",
         2,
-        "summed over the particles near the solid only, both ways: errors where water meets the solid",
-        lambda of, window: of.surface[window].mean(),
+        "summed over the particles near the solid only, both directions: errors where water meets the solid",
+        lambda c, window: c.surface[window].mean(),
     ),
     Metric(
         "surface_squared",
         "Surface squared",
         "m²",
         4,
-        "the same of squared distances, as the paper prints its formula",
-        lambda of, window: of.surface_squared[window].mean(),
+        "the same with squared distances, as in the paper's formula",
+        lambda c, window: c.surface_squared[window].mean(),
     ),
     Metric(
         "penetration",
@@ -117,41 +124,41 @@ METRICS = (
         "",
         0,
         "particles inside the solid, summed over frames; should be 0",
-        lambda of, window: of.own.inside[window].sum(),
+        lambda c, window: c.prediction.inside[window].sum(),
     ),
     Metric(
         "depth",
         "Mean Inside Surface",
         "m",
         5,
-        "mean signed distance of those; empty if there are none",
+        "mean signed distance of the particles inside the solid; empty if there are none",
         mean_depth,
-        seldom=True,
+        skip_undefined=True,
     ),
     Metric(
         "height",
         "height error",
         "m",
         4,
-        "how far the center of mass is too high or too low, mean over frames",
-        lambda of, window: np.abs(of.own.height[window] - of.true.height[window]).mean(),
+        "absolute error of the height of the center of mass, mean over frames",
+        lambda c, window: np.abs(c.prediction.height[window] - c.reference.height[window]).mean(),
     ),
     Metric(
         "energy",
         "energy ratio",
         "",
         3,
-        "kinetic energy summed over frames, over the truth's; 1 is right, less is sluggish, more is too wild",
-        lambda of, window: ratio(of.own.energy[window].sum(), of.true.energy[window].sum()),
+        "kinetic energy summed over frames, over the reference's; below 1 is too calm, above 1 too wild",
+        lambda c, window: energy_ratio(c.prediction.energy[window].sum(), c.reference.energy[window].sum()),
     ),
     Metric(
         "energy_error",
         "energy error",
         "",
         4,
-        "difference of the kinetic energies, summed over frames, over the truth's: what cancels in the ratio shows",
-        lambda of, window: ratio(
-            np.abs(of.own.energy[window] - of.true.energy[window]).sum(), of.true.energy[window].sum()
+        "absolute error of the kinetic energy summed over frames, over the reference's; errors do not cancel",
+        lambda c, window: energy_ratio(
+            np.abs(c.prediction.energy[window] - c.reference.energy[window]).sum(), c.reference.energy[window].sum()
         ),
     ),
     Metric(
@@ -159,79 +166,77 @@ METRICS = (
         "rebound error",
         "m",
         4,
-        "how far off the height is that the center of mass climbs back after impact",
-        lambda of, window: abs(rebound(of.own.height[window]) - rebound(of.true.height[window])),
+        "absolute error of the height that the center of mass regains after impact",
+        lambda c, window: abs(rebound(c.prediction.height[window]) - rebound(c.reference.height[window])),
     ),
     Metric(
         "density",
         "highest density",
         "",
         3,
-        "over the truth's highest; above 1 the fluid is squeezed more than water lets itself be",
-        lambda of, window: highest(of.own.density[window]) / highest(of.true.density[window]),
+        "over the reference's highest; above 1 the fluid is more compressed than water",
+        lambda c, window: peak(c.prediction.density[window]) / peak(c.reference.density[window]),
     ),
     Metric(
         "lost",
         "particles lost",
         "",
         0,
-        "particles out of the container, no longer numbers or past 30 m/s, summed over frames; should be 0",
-        lambda of, window: of.own.lost[window].sum(),
+        "particles outside the container, not finite or above 30 m/s, summed over frames; should be 0",
+        lambda c, window: c.prediction.lost[window].sum(),
     ),
 )
 
 
-def scores(of: Comparison) -> ByWindow:
+def compute_scores(comparison: Comparison) -> WindowScores:
     """Every metric over every window that the comparison reaches."""
-    windows = {window.name: window.frames(len(of)) for window in WINDOWS}
+    windows = {window.name: window.frames(len(comparison)) for window in WINDOWS}
     return {
-        name: {metric.key: number(metric.of(of, frames)) for metric in METRICS}
+        name: {metric.key: finite_or_none(metric.compute(comparison, frames)) for metric in METRICS}
         for name, frames in windows.items()
         if frames.stop > frames.start
     }
 
 
-def mean_scores(all_scores: Sequence[ByWindow]) -> ByWindow:
-    """The mean of every metric over scenes or repeats, for those windows that all of them reach.
+def mean_scores(scores: Sequence[WindowScores]) -> WindowScores:
+    """The mean of every metric over scenes or repeats, for the windows that all of them reach.
 
-    Where a rollout blew up and so has no value, the mean has none either.
+    A diverged rollout has no value, so the mean has none either.
     """
-    if not all_scores:
+    if not scores:
         return {}
-    windows = [name for name in all_scores[0] if all(name in one for one in all_scores)]
+    windows = [name for name in scores[0] if all(name in one for one in scores)]
     return {
-        name: {metric.key: mean_of([one[name][metric.key] for one in all_scores], metric.seldom) for metric in METRICS}
+        name: {
+            metric.key: mean_value([one[name][metric.key] for one in scores], metric.skip_undefined)
+            for metric in METRICS
+        }
         for name in windows
     }
 
 
-def mean_of(values: Sequence[float | None], seldom: bool) -> float | None:
-    """The mean of ``values``, None if one is missing; of ``seldom`` ones the mean of those that are there."""
-    known = [value for value in values if value is not None]
-    return float(np.mean(known)) if known and (seldom or len(known) == len(values)) else None
+def mean_value(values: Sequence[float | None], skip_undefined: bool) -> float | None:
+    """The mean of ``values``; None if one is undefined and these are not skipped, or if all are undefined."""
+    defined = [value for value in values if value is not None]
+    return float(np.mean(defined)) if defined and (skip_undefined or len(defined) == len(values)) else None
 
 
-def ratios(own: ByWindow, floor: ByWindow) -> ByWindow:
+def floor_ratios(scores: WindowScores, floor: WindowScores) -> WindowScores:
     """Every value over the floor's, for the windows that both have."""
     return {
-        name: {key: quotient(own[name][key], floor[name][key]) for key in own[name]} for name in own if name in floor
+        name: {key: floor_ratio(value, floor[name][key]) for key, value in scores[name].items()}
+        for name in scores
+        if name in floor
     }
 
 
-def quotient(value: float | None, floor: float | None) -> float | None:
-    """One over the other; 1 where both are nothing, None where either is unknown or only the floor is nothing."""
+def floor_ratio(value: float | None, floor: float | None) -> float | None:
+    """A value over the floor's; 1 where both are 0, None where one is undefined or only the floor is 0."""
     if value is None or floor is None or (floor == 0 and value != 0):
         return None
     return 1.0 if floor == 0 else value / floor
 
 
-def ratio(energy: float, true_energy: float) -> float:
-    """One over the other; 1 where both are nothing, as of water that stays at rest."""
-    if true_energy == 0:
-        return 1.0 if energy == 0 else math.inf
-    return energy / true_energy
-
-
-def number(value: float) -> float | None:
-    """A Python number for JSON, which knows neither NaN nor infinity."""
+def finite_or_none(value: float) -> float | None:
+    """The value as a Python number; None for NaN and infinity, which JSON does not have."""
     return float(value) if math.isfinite(value) else None

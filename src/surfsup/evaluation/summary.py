@@ -1,60 +1,60 @@
-"""Means over scenes, by data set and by surface, each beside the floor."""
+"""Mean scores over scenes, by data set and by kind of surface, with the reproducibility floor."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-from surfsup.evaluation.evaluate import JudgedScene
-from surfsup.evaluation.scores import ByWindow, mean_scores, ratios
+from surfsup.evaluation.evaluate import EvaluatedScene
+from surfsup.evaluation.scores import WindowScores, floor_ratios, mean_scores
 
-EVERY_SURFACE = "all"
+ALL_SURFACES = "all"
 
 
 @dataclass(frozen=True)
 class Summary:
-    """The mean of some scenes.
+    """Mean scores of some scenes.
 
     Attributes:
-        data: name of their data set.
-        surface: kind of solid that they share, or 'all'.
-        scenes: how many.
-        floors: how many of them have a floor.
-        model: mean over all.
-        floor: mean over those that have one; empty if none has.
-        ratio: the model's mean over these same scenes, over their floor.
+        data_set: name of their data set.
+        surface: their kind of solid, or 'all'.
+        scenes: number of scenes.
+        floors: number of scenes that have a floor.
+        scores: mean over all scenes.
+        floor: mean over the scenes that have a floor; empty if none has.
+        ratio: mean scores of the scenes that have a floor, over their floor.
     """
 
-    data: str
+    data_set: str
     surface: str
     scenes: int
     floors: int
-    model: ByWindow
-    floor: ByWindow
-    ratio: ByWindow
+    scores: WindowScores
+    floor: WindowScores
+    ratio: WindowScores
 
 
-def summary(data: str, surface: str, scenes: Sequence[JudgedScene]) -> Summary:
-    """The means over ``scenes``."""
-    judgments = [scene.judgment for scene in scenes]
-    grounded = [judgment for judgment in judgments if judgment.floor]
-    floor = mean_scores([judgment.floor for judgment in grounded])
-    beside = mean_scores([judgment.scores for judgment in grounded])
-    model = mean_scores([judgment.scores for judgment in judgments])
-    return Summary(data, surface, len(scenes), len(grounded), model, floor, ratios(beside, floor))
+def summarize(data_set: str, surface: str, scenes: Sequence[EvaluatedScene]) -> Summary:
+    """The mean scores of ``scenes``."""
+    evaluations = [scene.evaluation for scene in scenes]
+    with_floor = [evaluation for evaluation in evaluations if evaluation.floor]
+    floor = mean_scores([evaluation.floor for evaluation in with_floor])
+    ratio = floor_ratios(mean_scores([evaluation.scores for evaluation in with_floor]), floor)
+    scores = mean_scores([evaluation.scores for evaluation in evaluations])
+    return Summary(data_set, surface, len(scenes), len(with_floor), scores, floor, ratio)
 
 
-def summaries(scenes: Sequence[JudgedScene]) -> list[Summary]:
-    """For each data set the mean of each kind of surface, then that of all."""
+def summaries(scenes: Sequence[EvaluatedScene]) -> list[Summary]:
+    """For each data set one summary of each kind of surface, then one of all its scenes."""
     found = []
-    for data in unique(scene.truth.data for scene in scenes):
-        members = [scene for scene in scenes if scene.truth.data == data]
-        for kind in unique(scene.judgment.surface for scene in members):
-            found.append(summary(data, kind, [scene for scene in members if scene.judgment.surface == kind]))
-        found.append(summary(data, EVERY_SURFACE, members))
+    for data_set in unique(scene.reference.data_set for scene in scenes):
+        members = [scene for scene in scenes if scene.reference.data_set == data_set]
+        for kind in unique(scene.evaluation.surface for scene in members):
+            found.append(summarize(data_set, kind, [scene for scene in members if scene.evaluation.surface == kind]))
+        found.append(summarize(data_set, ALL_SURFACES, members))
     return found
 
 
-def unique(names: Sequence[str]) -> list[str]:
-    """``names`` in the order in which they come first."""
+def unique(names: Iterable[str]) -> list[str]:
+    """``names`` without repetitions, in the order of their first appearance."""
     return list(dict.fromkeys(names))

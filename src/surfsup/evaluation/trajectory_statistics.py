@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from surfsup.datasets.generation.physical_check import FASTEST
+from surfsup.datasets.generation.physical_check import MAX_SPEED
 from surfsup.evaluation.metrics import center_height, inside_container, kinetic_energy
 from surfsup.evaluation.near_surface import ContactTracker
 from surfsup.io.trajectory import Trajectory
@@ -43,7 +43,7 @@ class TrajectoryStatistics:
 
 @dataclass(frozen=True)
 class ValidParticles:
-    """The particles of a frame that metrics compare: finite and no faster than FASTEST.
+    """The particles of a frame that metrics compare: finite and no faster than MAX_SPEED.
 
     Attributes:
         positions: (N, 3), meters.
@@ -83,7 +83,7 @@ class StatisticsRecorder:
         statistics.depth[number] = contact.depths.sum()
         statistics.near[number] = contact.near.sum()
         # A comparison with NaN is false, so a particle with a NaN velocity is not valid either.
-        valid = np.isfinite(positions).all(axis=1) & (np.square(velocities).sum(axis=1) <= FASTEST**2)
+        valid = np.isfinite(positions).all(axis=1) & (np.square(velocities).sum(axis=1) <= MAX_SPEED**2)
         contained = inside_container(positions, self.lower, self.upper) & valid
         statistics.lost[number] = len(positions) - contained.sum()
         if valid.any():

@@ -1,39 +1,39 @@
-"""How training chooses its checkpoints: a few short rollouts beside the truth, scored as they are made.
+"""Scores of a few short rollouts, which select the checkpoints of a training run.
 
-The full judgment, from trajectory files and beside the floor, is ``evaluate.py``.
+The full evaluation, from trajectory files and with the reproducibility floor, is in :mod:`surfsup.evaluation.evaluate`.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import torch
 
-from surfsup.errors import InputError
-from surfsup.evaluation.metrics import NO_CHAMFER, Chamfer, center_height, chamfer, kinetic_energy
-from surfsup.evaluation.rollout import while_sound
-from surfsup.evaluation.scores import ratio
+from surfsup.evaluation.load_trajectories import trajectory_files
+from surfsup.evaluation.metrics import UNDEFINED_CHAMFER, center_height, chamfer, kinetic_energy
+from surfsup.evaluation.rollout import roll_out
+from surfsup.evaluation.scores import energy_ratio
 from surfsup.io.trajectory import Trajectory
+from surfsup.sph.environment import Environment
 from surfsup.sph.simulator import Simulator
-from surfsup.sph.state import Environment
 
 
 @dataclass(frozen=True)
-class Scores:
-    """Means over scenes of one model's rollouts.
+class ValidationScores:
+    """Scores of a simulator's rollouts.
 
     Attributes:
-        chamfer: plain, meters, mean over frames.
-        chamfer_squared: of squared distances, square meters.
+        chamfer: of plain distances, meters, mean over frames and scenes.
+        chamfer_squared: of squared distances, square meters, likewise.
         height_error: mean absolute error of the height of the center of mass, meters.
-        energy_ratio: kinetic energy summed over the frames, predicted over true.
+        energy_ratio: kinetic energy summed over the frames, predicted over reference.
         inside: particles inside the solid, summed over frames and scenes.
         outside: particles outside the container, likewise.
-        handle_collisions: share of particles that the guard moved in a frame.
+        collided_share: share of particles that collision handling moved, mean over frames.
     """
 
     chamfer: float
@@ -42,108 +42,80 @@ class Scores:
     energy_ratio: float
     inside: int
     outside: int
-    handle_collisions: float
+    collided_share: float
 
     @property
-    def rank(self) -> float:
-        """What checkpoints are chosen by, smaller is better: Chamfer, and how far energy and height are off."""
+    def selection_error(self) -> float:
+        """The error that selects checkpoints, smaller is better: Chamfer distance plus height and energy errors."""
         if not math.isfinite(self.chamfer):
             return math.inf
         return self.chamfer + 0.2 * self.height_error + 0.02 * abs(math.log(max(self.energy_ratio, 1e-3)))
 
 
 @torch.no_grad()
-def rollout_scores(
-    model: Simulator, truth: Trajectory, frames: int, every: int = 1, device: torch.device | str = "cpu"
-) -> Scores:
-    """Roll the model out from the start of ``truth`` and score its first frames.
+def score_rollout(
+    simulator: Simulator,
+    reference: Trajectory,
+    frames: int,
+    chamfer_stride: int = 1,
+    device: torch.device | str = "cpu",
+) -> ValidationScores:
+    """Simulate from the start of ``reference`` and score the first frames.
 
     Args:
-        model: the simulator.
-        truth: what the reference solver made of the scene.
-        frames: how many are scored; cut to those of ``truth``.
-        every: Chamfer distances are taken at every so many-th frame; all else at each.
-        device: where the model is.
+        simulator: on ``device``.
+        reference: the trajectory of the reference solver.
+        frames: number of frames to score, at most those of ``reference``.
+        chamfer_stride: frames from one Chamfer distance to the next; all else is computed in each frame.
+        device: where to compute.
     """
-    surface = truth.scene.build_surface()
-    environment = Environment.of(truth.scene, surface, device)
-    frames = min(frames, len(truth))
-    true_positions, true_velocities = truth.positions[:frames], truth.velocities[:frames]
-    start = (torch.from_numpy(values[0]).to(device) for values in (true_positions, true_velocities))
-    state = model.start(*start, environment)
-    tally = Tally()
-    for frame, (now, moved) in enumerate(while_sound(model.rollout(state, environment, frames))):
-        positions, velocities = now.positions.cpu().numpy(), now.velocities.cpu().numpy()
-        if frame % every == 0:
-            tally.chamfer.append(chamfer(positions, true_positions[frame]))
-        tally.height_error.append(abs(center_height(positions) - center_height(true_positions[frame])))
-        tally.energy.append(kinetic_energy(velocities))
-        tally.true_energy.append(kinetic_energy(true_velocities[frame]))
-        tally.handle_collisions.append(float(moved.float().mean()))
-        if surface is not None:
-            tally.inside += int((environment.surface.distance(now.positions) < 0).sum())
-        tally.outside += int(
-            ((now.positions < environment.lower) | (now.positions > environment.upper)).any(dim=-1).sum()
-        )
-    if len(tally.energy) < frames:
-        tally.chamfer.append(NO_CHAMFER)
-    return tally.scores()
+    environment = Environment.of(reference.scene, reference.scene.build_surface(), device)
+    frames = min(frames, len(reference))
+    true_positions, true_velocities = reference.positions[:frames], reference.velocities[:frames]
+    chamfers, height_errors, energies, true_energies, collided_shares = [], [], [], [], []
+    inside = outside = 0
+    for frame, (state, collided) in enumerate(roll_out(simulator, reference, environment, frames)):
+        positions = state.positions.cpu().numpy()
+        if frame % chamfer_stride == 0:
+            chamfers.append(chamfer(positions, true_positions[frame]))
+        height_errors.append(abs(center_height(positions) - center_height(true_positions[frame])))
+        energies.append(kinetic_energy(state.velocities.cpu().numpy()))
+        true_energies.append(kinetic_energy(true_velocities[frame]))
+        collided_shares.append(float(collided.float().mean()))
+        if environment.surface is not None:
+            inside += int((environment.surface.distance(state.positions) < 0).sum())
+        out_of_box = (state.positions < environment.lower) | (state.positions > environment.upper)
+        outside += int(out_of_box.any(dim=-1).sum())
+    if len(energies) < frames:  # diverged
+        chamfers.append(UNDEFINED_CHAMFER)
+    return ValidationScores(
+        chamfer=float(np.mean([one.plain for one in chamfers])),
+        chamfer_squared=float(np.mean([one.squared for one in chamfers])),
+        height_error=float(np.mean(height_errors)),
+        energy_ratio=energy_ratio(sum(energies), sum(true_energies)),
+        inside=inside,
+        outside=outside,
+        collided_share=float(np.mean(collided_shares)),
+    )
 
 
-@dataclass
-class Tally:
-    """What is counted frame by frame."""
-
-    chamfer: list[Chamfer] = field(default_factory=list)
-    height_error: list[float] = field(default_factory=list)
-    energy: list[float] = field(default_factory=list)
-    true_energy: list[float] = field(default_factory=list)
-    handle_collisions: list[float] = field(default_factory=list)
-    inside: int = 0
-    outside: int = 0
-
-    def scores(self) -> Scores:
-        """The scores of all frames so far."""
-        return Scores(
-            chamfer=float(np.mean([one.plain for one in self.chamfer])),
-            chamfer_squared=float(np.mean([one.squared for one in self.chamfer])),
-            height_error=float(np.mean(self.height_error)),
-            energy_ratio=ratio(sum(self.energy), sum(self.true_energy)),
-            inside=self.inside,
-            outside=self.outside,
-            handle_collisions=float(np.mean(self.handle_collisions)),
-        )
-
-
-def judge(
-    model: Simulator, folder: Path, scenes: int, frames: int, device: torch.device | str = "cpu"
-) -> Iterator[Scores]:
+def score_rollouts(
+    simulator: Simulator, folder: Path, scenes: int, frames: int, device: torch.device | str = "cpu"
+) -> Iterator[ValidationScores]:
     """The scores of the first ``scenes`` trajectories of ``folder``, one by one; Chamfer at every fifth frame.
 
-    The model is on ``device``.
+    The simulator is on ``device``.
 
     Raises:
         InputError: the folder has no trajectories.
     """
-    for path in first_trajectories(folder, scenes):
-        with Trajectory(path) as truth:
-            yield rollout_scores(model, truth, frames, every=5, device=device)
+    for path in trajectory_files(folder, scenes):
+        with Trajectory(path) as reference:
+            yield score_rollout(simulator, reference, frames, chamfer_stride=5, device=device)
 
 
-def first_trajectories(folder: Path, count: int) -> list[Path]:
-    """The first ``count`` trajectory files of ``folder``.
-
-    Raises:
-        InputError: there is none.
-    """
-    paths = sorted(folder.glob("*.h5"))[:count]
-    if not paths:
-        raise InputError(f"{folder}: has no trajectories (*.h5) to judge by; make some with 'surfsup generate'")
-    return paths
-
-
-def mean_scores(scores: list[Scores]) -> Scores:
-    """Means of what is an average, sums of what is a count."""
+def combine_scores(scores: list[ValidationScores]) -> ValidationScores:
+    """Scores of several scenes as one: means of averages, sums of counts."""
     means = {name: float(np.mean([getattr(one, name) for one in scores])) for name in vars(scores[0])}
     counts = {name: sum(getattr(one, name) for one in scores) for name in ("inside", "outside")}
-    return Scores(**{**means, **counts})
+    return ValidationScores(**{**means, **counts})

@@ -1,1 +1,1 @@
-"""What a person looks at: pictures, videos and a web page, from arrays of positions and a triangle mesh."""
+"""Pictures, videos and web pages of trajectories, rendered from particle positions and a triangle mesh."""

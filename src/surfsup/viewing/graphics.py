@@ -1,10 +1,8 @@
-"""Whether this machine can draw off screen, found out before VTK is imported, for VTK crashes where it
-cannot.
+"""Check that this machine can render off screen. The check comes before the import of VTK, which would crash otherwise.
 
-VTK draws through EGL. On Linux that is two things: the loader `libEGL.so.1`, and a driver behind it (Mesa's
-software one where there is no graphics card). Without either VTK does not raise: the process ends in a
-segmentation fault. libGL and X11 are not needed, provided that VTK is told to open an EGL window instead of
-looking for an X server first.
+VTK renders through EGL. On Linux that needs the loader ``libEGL.so.1`` and a driver (Mesa's software driver where there
+is no graphics card). Without either VTK ends the process with a segmentation fault. libGL and X11 are not needed if VTK
+is configured to open an EGL window instead of looking for an X server first.
 """
 
 import ctypes
@@ -18,36 +16,37 @@ LOADER_PACKAGE = "libegl1"
 DRIVER_PACKAGE = "libgl1-mesa-dri"
 
 _PLATFORM_DEVICE = 0x313F  # EGL_PLATFORM_DEVICE_EXT, of the extension EGL_EXT_platform_device
-_MOST_DEVICES = 16
+_MAX_DEVICES = 16
 
 
 def missing_packages() -> list[str]:
-    """Debian packages that off-screen drawing lacks on this machine; empty where it can draw.
+    """The Debian packages that off-screen rendering needs and this machine lacks.
 
-    Nothing is looked for outside Linux, where VTK brings what it needs.
+    The list is always empty outside Linux, where VTK's wheel has all it needs.
     """
     if not sys.platform.startswith("linux"):
         return []
-    os.environ.setdefault("EGL_LOG_LEVEL", "fatal")  # Mesa's own warnings; ours says how to mend it
+    os.environ.setdefault("EGL_LOG_LEVEL", "fatal")  # no warnings of Mesa's own; our message names the fix
     try:
         egl = _open_library("libEGL.so.1")
     except OSError:
-        # The driver cannot be tried without its loader: name both, so that one command is enough.
+        # Without the loader the driver cannot be checked. Both are named, so that one command is enough.
         return [LOADER_PACKAGE, DRIVER_PACKAGE]
     return [] if _display_starts(egl) else [DRIVER_PACKAGE]
 
 
 @functools.cache
 def require_graphics() -> None:
-    """Make sure that VTK can draw off screen. Call this before pyvista or vtk is imported.
+    """Ensure that VTK can render off screen. Call this before the import of pyvista or vtk.
 
-    Raises InputError, naming the Debian packages to install, where it cannot.
+    Raises:
+        InputError: it cannot; the message names the Debian packages to install.
     """
     missing = missing_packages()
     if missing:
         raise InputError(
             "pictures and videos need off-screen OpenGL, which this machine lacks: "
-            f"apt-get install {' '.join(missing)} (or leave them out: --no-video)"
+            f"apt-get install {' '.join(missing)} (or use --no-video)"
         )
     if sys.platform.startswith("linux"):
         os.environ.setdefault("VTK_DEFAULT_OPENGL_WINDOW", "vtkEGLRenderWindow")
@@ -58,10 +57,9 @@ def _open_library(name: str) -> ctypes.CDLL:
 
 
 def _display_starts(egl: ctypes.CDLL) -> bool:
-    """Whether any EGL display starts: first the default one, then each device, in the order in which VTK
-    tries them.
+    """Whether an EGL display starts: the default one or that of a device, in the order in which VTK tries them.
 
-    Displays are left initialized: ending one would end it for everything else in this process as well.
+    The displays stay initialized, because other code of this process may use them.
     """
     egl.eglGetDisplay.restype = ctypes.c_void_p
     egl.eglGetDisplay.argtypes = [ctypes.c_void_p]
@@ -84,7 +82,7 @@ def _device_displays(egl: ctypes.CDLL) -> list[int | None]:
     platform_display = ctypes.CFUNCTYPE(ctypes.c_void_p, ctypes.c_int, ctypes.c_void_p, ctypes.c_void_p)(
         display_address
     )
-    devices, count = (ctypes.c_void_p * _MOST_DEVICES)(), ctypes.c_int(0)
-    if not query(_MOST_DEVICES, devices, ctypes.byref(count)):
+    devices, count = (ctypes.c_void_p * _MAX_DEVICES)(), ctypes.c_int(0)
+    if not query(_MAX_DEVICES, devices, ctypes.byref(count)):
         return []
     return [platform_display(_PLATFORM_DEVICE, device, None) for device in devices[: count.value]]

@@ -1,105 +1,98 @@
-"""The page, the video and the pictures of a trajectory file."""
+"""The page, the video and pictures of a trajectory file."""
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable
 from pathlib import Path
 
-import av
 import numpy as np
 import trimesh
+from PIL import Image
 
 from surfsup.errors import InputError
+from surfsup.io.atomic_file import atomic_file
 from surfsup.io.trajectory import Trajectory
 from surfsup.scene import FRAME_TIME, PARTICLE_RADIUS, Scene
 from surfsup.viewing.label import label
-from surfsup.viewing.render import FrameRenderer
+from surfsup.viewing.renderer import FrameRenderer
 from surfsup.viewing.video import choose_frames, write_video
-from surfsup.viewing.viewer import write_page
+from surfsup.viewing.web_player import write_web_player
 
-SOLID_RESOLUTION = 160
-ALONE, BESIDE = (960, 720), (640, 480)  # pixels of a picture alone and of each of two beside each other
+SOLID_RESOLUTION = 160  # cells of marching cubes
+SINGLE_SIZE, PAIR_SIZE = (960, 720), (640, 480)  # pixels of a single picture and of each of two side by side
 
-Tell = Callable[[int, int], None]
+Progress = Callable[[int, int], None]  # numbers of finished and of all frames
 
 
-def solid_of(scene: Scene) -> trimesh.Trimesh | None:
-    """The triangles of a scene's solid."""
+def scene_mesh(scene: Scene) -> trimesh.Trimesh | None:
+    """The triangles of a scene's solid; None for an empty container."""
     surface = scene.build_surface()
     return None if surface is None else surface.to_mesh(SOLID_RESOLUTION)
 
 
-def write_page_of(trajectory: Path, page: Path, tell: Tell) -> Path:
-    """Write the page that plays the trajectory in the file ``trajectory``; returns its path."""
-    with Trajectory(trajectory) as frames:
-        write_page(
+def trajectory_renderer(trajectory: Trajectory, size: tuple[int, int] = SINGLE_SIZE) -> FrameRenderer:
+    """A renderer for pictures of ``size`` (width, height) whose camera shows the solid and the water of frame 0."""
+    scene = trajectory.scene
+    return FrameRenderer(scene_mesh(scene), scene.container.size, PARTICLE_RADIUS, trajectory.positions[0], size)
+
+
+def write_trajectory_page(file: Path, page: Path, progress: Progress) -> Path:
+    """Write the page that plays the trajectory in ``file``; returns the path of the page."""
+    with Trajectory(file) as trajectory:
+        scene = trajectory.scene
+        write_web_player(
             page,
-            frames.positions[:],
-            solid_of(frames.scene),
-            frames.scene.container.size,
+            trajectory.positions[:],
+            scene_mesh(scene),
+            scene.container.size,
             PARTICLE_RADIUS,
             FRAME_TIME,
-            tell,
+            progress,
         )
     return page
 
 
-def write_video_of(trajectory: Path, video: Path, tell: Tell) -> Path:
-    """Draw the trajectory in the file ``trajectory`` as a video; returns its path."""
-    with Trajectory(trajectory) as frames:
-        renderer = renderer_of(frames)
-        chosen = choose_frames(len(frames), FRAME_TIME)
-        images = (renderer.image(frames.positions[frame]) for frame in chosen)
-        write_video(video, images, progress=tell, total=len(chosen))
+def write_trajectory_video(file: Path, video: Path, progress: Progress) -> Path:
+    """Render the trajectory in ``file`` as a video; returns the path of the video."""
+    with Trajectory(file) as trajectory:
+        renderer = trajectory_renderer(trajectory)
+        chosen = choose_frames(len(trajectory), FRAME_TIME)
+        images = (renderer.render(trajectory.positions[frame]) for frame in chosen)
+        write_video(video, images, progress=progress, total=len(chosen))
         renderer.close()
     return video
 
 
-def write_side_by_side(left: Path, right: Path, labels: tuple[str, str], video: Path, tell: Tell) -> Path:
-    """Draw two trajectory files of one scene beside each other as a video, over the frames of both.
+def write_comparison_video(left: Path, right: Path, labels: tuple[str, str], video: Path, progress: Progress) -> Path:
+    """Render two trajectory files of one scene side by side as a video, over the frames that both have.
 
-    Light and camera are those of the scene on the right. Returns the video's path.
+    Light and camera are those of the scene on the right. Returns the path of the video.
     """
-    with Trajectory(left) as one, Trajectory(right) as other:
-        renderer = renderer_of(other, BESIDE)
-        chosen = choose_frames(min(len(one), len(other)), FRAME_TIME)
+    with Trajectory(left) as left_trajectory, Trajectory(right) as right_trajectory:
+        renderer = trajectory_renderer(right_trajectory, PAIR_SIZE)
+        pair = tuple(zip((left_trajectory, right_trajectory), labels, strict=True))
+        chosen = choose_frames(min(len(left_trajectory), len(right_trajectory)), FRAME_TIME)
         images = (
-            np.hstack(
-                [
-                    label(renderer.image(frames.positions[frame]), text)
-                    for frames, text in zip((one, other), labels, strict=True)
-                ]
-            )
+            np.hstack([label(renderer.render(trajectory.positions[frame]), text) for trajectory, text in pair])
             for frame in chosen
         )
-        write_video(video, images, progress=tell, total=len(chosen))
+        write_video(video, images, progress=progress, total=len(chosen))
         renderer.close()
     return video
 
 
-def write_picture_of(trajectory: Path, picture: Path, frame: int) -> Path:
-    """Draw one frame of the trajectory in the file ``trajectory`` as a PNG; returns its path.
+def write_frame_picture(file: Path, picture: Path, frame: int) -> Path:
+    """Render one frame of the trajectory in ``file`` as a PNG; returns the path of the picture.
 
     Raises:
-        InputError: there is no such frame.
+        InputError: the trajectory has no such frame.
     """
-    with Trajectory(trajectory) as frames:
-        if frame >= len(frames):
-            raise InputError(f"{trajectory}: has the frames 0 to {len(frames) - 1}, not {frame}")
-        renderer = renderer_of(frames)
-        image = renderer.image(frames.positions[frame])
+    with Trajectory(file) as trajectory:
+        if frame >= len(trajectory):
+            raise InputError(f"{file}: has the frames 0 to {len(trajectory) - 1}, not {frame}")
+        renderer = trajectory_renderer(trajectory)
+        image = renderer.render(trajectory.positions[frame])
         renderer.close()
-    partial = picture.with_name(f".{picture.name}.partial")
-    with av.open(str(partial), "w", format="image2", options={"update": "1"}) as container:
-        stream = container.add_stream("png", width=image.shape[1], height=image.shape[0], pix_fmt="rgb24")
-        container.mux(stream.encode(av.VideoFrame.from_ndarray(image, format="rgb24")))
-        container.mux(stream.encode())
-    os.replace(partial, picture)
+    with atomic_file(picture) as partial:
+        Image.fromarray(image).save(partial, format="PNG")
     return picture
-
-
-def renderer_of(frames: Trajectory, size: tuple[int, int] = ALONE) -> FrameRenderer:
-    """A renderer of pictures of ``size`` (width, height) whose camera sees the solid and where the water starts."""
-    scene = frames.scene
-    return FrameRenderer(solid_of(scene), scene.container.size, PARTICLE_RADIUS, frames.positions[0], size)

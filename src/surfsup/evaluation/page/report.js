@@ -1,17 +1,17 @@
 "use strict";
-// The report's numbers as tables and charts. All of it is in this page: nothing is fetched.
+// Shows the report's numbers as tables and charts. The page contains all of them and fetches nothing.
 
 const report = JSON.parse(document.getElementById("report").textContent);
 const byId = (id) => document.getElementById(id);
 const metrics = report.metrics, metric = Object.fromEntries(metrics.map((one) => [one.key, one]));
-const chosen = { data: report.data.find((one) => one.scenes).name, scene: null, window: "all", sort: null, down: true };
+const chosen = { data: report.data.find((one) => one.scenes).name, scene: null, window: "all", sort: null, descending: true };
 
-// ---- words and numbers
+// ---- text and numbers
 const escape = (text) => String(text).replace(/[&<>"']/g, (c) => `&#${c.charCodeAt(0)};`);
 const minus = (text) => text.replace("-", "\u2212");
-function shown(value, one) {
+function format(value, one) {
   if (value === null || value === undefined) return "\u2013";
-  return minus(value.toFixed(one.places || Number.isInteger(value) ? one.places : 1));
+  return minus(value.toFixed(one.decimals || Number.isInteger(value) ? one.decimals : 1));
 }
 const times = (ratio) => ratio === null || ratio === undefined ? "" : `\u00d7${ratio < 100 ? ratio.toFixed(2) : ratio.toFixed(0)}`;
 const plural = (count, word) => `${count} ${word}${count === 1 ? "" : "s"}`;
@@ -25,12 +25,12 @@ function cell(values) {
   return metrics.map((one) => {
     const found = values && values[one.key];
     if (!found) return "<td>\u2013</td>";
-    const floor = found.floor === null ? "" : `<small>${shown(found.floor, one)} <b>${times(found.ratio)}</b></small>`;
-    return `<td>${shown(found.model, one)}${floor}</td>`;
+    const floor = found.floor === null ? "" : `<small>${format(found.floor, one)} <b>${times(found.ratio)}</b></small>`;
+    return `<td>${format(found.prediction, one)}${floor}</td>`;
   }).join("");
 }
 function head(first) {
-  const names = metrics.map((one) => `<th scope="col" data-key="${one.key}" title="${escape(one.tells)}">${escape(one.name)}<small>${escape(one.unit) || "&nbsp;"}</small></th>`);
+  const names = metrics.map((one) => `<th scope="col" data-key="${one.key}" title="${escape(one.description)}">${escape(one.name)}<small>${escape(one.unit) || "&nbsp;"}</small></th>`);
   return `<thead><tr><th scope="col">${first}</th>${names.join("")}</tr></thead>`;
 }
 function bySurface() {
@@ -51,12 +51,12 @@ function byTime() {
   byId("by-time").innerHTML = `${head("frames")}<tbody>${rows.join("")}</tbody>`;
 }
 function everyScene() {
-  const value = (scene) => { const w = scene.windows[chosen.window]; return w ? w[chosen.sort].model : null; };
-  const rank = (scene) => { const v = value(scene); return v === null ? (chosen.down ? Infinity : -Infinity) : v; };
+  const value = (scene) => { const w = scene.windows[chosen.window]; return w ? w[chosen.sort].prediction : null; };
+  const rank = (scene) => { const v = value(scene); return v === null ? (chosen.descending ? Infinity : -Infinity) : v; };
   const scenes = scenesOf(chosen.data).slice();
-  if (chosen.sort) scenes.sort((a, b) => (chosen.down ? rank(b) - rank(a) : rank(a) - rank(b)) || 0);
+  if (chosen.sort) scenes.sort((a, b) => (chosen.descending ? rank(b) - rank(a) : rank(a) - rank(b)) || 0);
   const rows = scenes.map((scene) => {
-    const link = `<a href="${escape(scene.trajectory.split("/").map(encodeURIComponent).join("/"))}" title="the model's rollout, HDF5">trajectory</a>`;
+    const link = `<a href="${escape(scene.trajectory.split("/").map(encodeURIComponent).join("/"))}" title="the simulator's rollout, HDF5">trajectory</a>`;
     const name = `<button class="link" data-scene="${escape(scene.scene)}">${escape(scene.scene)}</button> ${escape(scene.surface)}`;
     return `<tr${scene.scene === chosen.scene ? ' class="chosen"' : ""}><th scope="row">${name}<br><small>${link}</small></th>${cell(scene.windows[chosen.window])}</tr>`;
   });
@@ -65,74 +65,75 @@ function everyScene() {
 byId("scenes").addEventListener("click", (event) => {
   const button = event.target.closest("button[data-scene]"), column = event.target.closest("th[data-key]");
   if (button) { chosen.scene = chosen.scene === button.dataset.scene ? null : button.dataset.scene; show(); }
-  if (column) { chosen.down = chosen.sort === column.dataset.key ? !chosen.down : true; chosen.sort = column.dataset.key; everyScene(); }
+  if (column) { chosen.descending = chosen.sort === column.dataset.key ? !chosen.descending : true; chosen.sort = column.dataset.key; everyScene(); }
 });
 
 // ---- tiles
 function tiles() {
   const values = meanOf(chosen.data, "all").windows[chosen.window];
-  const made = ["chamfer", "surface", "height", "energy", "density", "penetration", "lost"].map((key) => {
+  const items = ["chamfer", "surface", "height", "energy", "density", "penetration", "lost"].map((key) => {
     const one = metric[key], found = values && values[key];
-    const floor = !found || found.floor === null ? "no floor" : `floor ${shown(found.floor, one)} &nbsp;<b>${times(found.ratio)}</b>`;
-    return `<div class="tile" title="${escape(one.tells)}"><div class="name">${escape(one.name)}</div>`
-      + `<div class="value">${shown(found && found.model, one)} <small>${escape(one.unit)}</small></div><div class="floor">${floor}</div></div>`;
+    const floor = !found || found.floor === null ? "no floor" : `floor ${format(found.floor, one)} &nbsp;<b>${times(found.ratio)}</b>`;
+    return `<div class="tile" title="${escape(one.description)}"><div class="name">${escape(one.name)}</div>`
+      + `<div class="value">${format(found && found.prediction, one)} <small>${escape(one.unit)}</small></div><div class="floor">${floor}</div></div>`;
   });
-  byId("tiles").innerHTML = made.join("");
+  byId("tiles").innerHTML = items.join("");
 }
 
 // ---- curves: of one scene, or the mean of all scenes of a data set
-const WHO = [["model", "model"], ["truth", "truth"], ["floor", "floor-line"]];
+const SOURCES = [["prediction", "prediction"], ["reference", "reference"], ["floor", "floor-line"]]; // curve, CSS class
 function curvesOf(scenes) {
   const found = {};
   for (const name of Object.keys(scenes[0].curves)) {
     found[name] = {};
-    for (const [who] of WHO) {
-      const all = scenes.map((scene) => scene.curves[name][who]).filter(Boolean);
+    for (const [source] of SOURCES) {
+      const all = scenes.map((scene) => scene.curves[name][source]).filter(Boolean);
       if (!all.length) continue;
-      // A scene that is still running but has no number leaves a gap: leaving it out would flatter.
-      found[name][who] = Array.from({ length: Math.max(...all.map((one) => one.length)) }, (_, k) => {
-        const there = all.filter((one) => k < one.length).map((one) => one[k]);
-        return there.some((v) => v === null) ? null : there.reduce((a, b) => a + b, 0) / there.length;
+      // A diverged scene leaves a gap. A mean without it would look too good.
+      found[name][source] = Array.from({ length: Math.max(...all.map((one) => one.length)) }, (_, k) => {
+        const values = all.filter((one) => k < one.length).map((one) => one[k]);
+        return values.some((v) => v === null) ? null : values.reduce((a, b) => a + b, 0) / values.length;
       });
     }
   }
-  // Of energies the ratio is taken scene by scene: a sum would tell of the wildest scene only.
-  found.share = {};
-  for (const who of ["model", "floor"]) {
-    const energies = scenes.map((scene) => scene.curves.energy).filter((one) => one[who]);
-    const all = energies.map((one) => share(one[who], one.truth));
-    if (all.length) found.share[who] = Array.from({ length: Math.max(...all.map((one) => one.length)) }, (_, k) => {
-      const there = all.map((one) => one[k]).filter((v) => v > 0);
-      if (!there.length || energies.some((one) => one[who][k] === null)) return null;
-      return Math.exp(there.reduce((a, b) => a + Math.log(b), 0) / there.length);
+  // The energy ratio is computed for each scene: the ratio of sums would show only the wildest scene.
+  found.energyRatio = {};
+  for (const source of ["prediction", "floor"]) {
+    const energies = scenes.map((scene) => scene.curves.energy).filter((one) => one[source]);
+    const all = energies.map((one) => energyRatio(one[source], one.reference));
+    if (all.length) found.energyRatio[source] = Array.from({ length: Math.max(...all.map((one) => one.length)) }, (_, k) => {
+      const ratios = all.map((one) => one[k]).filter((v) => v > 0);
+      if (!ratios.length || energies.some((one) => one[source][k] === null)) return null;
+      return Math.exp(ratios.reduce((a, b) => a + Math.log(b), 0) / ratios.length);
     });
   }
   return found;
 }
-const SMOOTH = 0.06; // seconds to either side
-function share(own, truth) {
-  const reach = Math.round(SMOOTH / step), most = Math.max(...truth.filter((v) => v !== null));
-  return own.map((_, k) => {
+const HALF_WINDOW = 0.06; // seconds, of the moving average
+function energyRatio(curve, reference) {
+  const reach = Math.round(HALF_WINDOW / step), most = Math.max(...reference.filter((v) => v !== null));
+  return curve.map((_, k) => {
     let a = 0, b = 0;
-    for (let j = Math.max(0, k - reach); j <= Math.min(own.length - 1, k + reach); j++) {
-      if (own[j] === null || truth[j] === null || truth[j] === undefined) return null;
-      a += own[j]; b += truth[j];
+    for (let j = Math.max(0, k - reach); j <= Math.min(curve.length - 1, k + reach); j++) {
+      if (curve[j] === null || reference[j] === null || reference[j] === undefined) return null;
+      a += curve[j]; b += reference[j];
     }
     return b > 1e-6 * most ? a / b : null;
   });
 }
-const apart = (own, truth) => own && truth && own.map((v, k) => v === null || truth[k] === null || truth[k] === undefined ? null : 1000 * (v - truth[k]));
+const isNumber = (v) => v !== null && v !== undefined;
+const differenceInMm = (curve, reference) => curve && reference && curve.map((v, k) => isNumber(v) && isNumber(reference[k]) ? 1000 * (v - reference[k]) : null);
 const step = report.stride * report.frame_time;
 
 const CHARTS = [
-  { title: "Chamfer distance", unit: "m", tells: "Distance to the nearest particle of the other, both ways. The floor is the solver against itself.", of: (c) => c.chamfer },
-  { title: "Height of the center of mass", unit: "m", tells: "Falls, rebounds, comes to rest.", of: (c) => c.height },
-  { title: "Kinetic energy", unit: "J/kg", tells: "Mean of a particle; logarithmic, for water at rest has a thousandth of what it had.", of: (c) => c.energy, log: true },
-  { title: "Chamfer Surface", unit: "m", tells: `Summed over the particles within ${report.near} m of the solid.`, of: (c) => c.surface },
-  { title: "Height error", unit: "mm", tells: "Too high above zero, too low below.", signed: true,
-    of: (c) => ({ model: apart(c.height.model, c.height.truth), floor: apart(c.height.floor, c.height.truth) }) },
-  { title: "Energy over the truth's", unit: "", tells: "1 is right; below it the water is sluggish, above it too wild. Smoothed over 0.12 s, geometric mean of scenes.", one: true, most: 4,
-    of: (c) => c.share },
+  { title: "Chamfer distance", unit: "m", description: "Distance to the nearest particle of the other set, both directions. The floor is the solver against itself.", of: (c) => c.chamfer },
+  { title: "Height of the center of mass", unit: "m", description: "Fall, rebound, rest.", of: (c) => c.height },
+  { title: "Kinetic energy", unit: "J/kg", description: "Mean over particles; logarithmic, because water at rest has a thousandth of the peak.", of: (c) => c.energy, log: true },
+  { title: "Chamfer Surface", unit: "m", description: `Summed over the particles within ${report.near} m of the solid.`, of: (c) => c.surface },
+  { title: "Height error", unit: "mm", description: "Above zero the water is too high, below zero too low.", signed: true,
+    of: (c) => ({ prediction: differenceInMm(c.height.prediction, c.height.reference), floor: differenceInMm(c.height.floor, c.height.reference) }) },
+  { title: "Energy over the reference's", unit: "", description: "Below 1 the water is too calm, above 1 too wild. Smoothed over 0.12 s, geometric mean of scenes.", unitLine: true, max: 4,
+    of: (c) => c.energyRatio },
 ];
 
 function niceTicks(low, high, count) {
@@ -148,7 +149,7 @@ function range(spec, curves) {
   if (!(high >= low)) return [0, 1];
   if (spec.log) { const top = 10 ** Math.ceil(Math.log10(Math.max(high, 1e-12))); return [Math.max(top * 1e-6, 10 ** Math.floor(Math.log10(Math.max(low, 1e-12)))), top]; }
   if (!spec.signed) low = 0; else { low = Math.min(low, 0); high = Math.max(high, 0); }
-  if (spec.one) high = Math.max(1.2, Math.min(high, spec.most));
+  if (spec.unitLine) high = Math.max(1.2, Math.min(high, spec.max));
   if (high === low) high = low + 1;
   return [spec.signed ? low - 0.05 * (high - low) : low, high + 0.05 * (high - low)];
 }
@@ -156,24 +157,24 @@ function range(spec, curves) {
 let drawn = [];
 function drawCharts() {
   const all = scenesOf(chosen.data).filter((one) => !chosen.scene || one.scene === chosen.scene);
-  const grounded = all.filter((one) => one.repeats), scenes = grounded.length ? grounded : all; // like beside like
+  const withFloor = all.filter((one) => one.repeats), scenes = withFloor.length ? withFloor : all; // curves of the same scenes only
   const curves = curvesOf(scenes);
   const members = scenes.length === all.length ? plural(all.length, "scene") : `${scenes.length} of ${all.length} scenes that have a floor`;
   byId("curves-of").textContent = chosen.scene
     ? `Scene ${chosen.scene} of ${chosen.data}: ${scenes[0].surface}, ${scenes[0].particles.toLocaleString("en")} particles.`
     : `Mean of the ${members}, data set ${chosen.data}.`;
-  byId("legend").innerHTML = [["model", `model \u2018${escape(report.model.name)}\u2019`], ["truth", "truth (SPlisHSPlasH)"],
-    ...(grounded.length ? [["floor-line", "floor: the truth started 1 mm away"]] : [])]
+  byId("legend").innerHTML = [["prediction", escape(report.simulator.name)], ["reference", "reference (SPlisHSPlasH)"],
+    ...(withFloor.length ? [["floor-line", "floor: the reference with its water moved by 1 mm"]] : [])]
     .map(([kind, text]) => `<span><svg width="34" height="6" style="width:34px"><line x1="1" x2="33" y1="3" y2="3" class="${kind}" stroke-width="2"/></svg>${text}</span>`).join("");
   byId("charts").innerHTML = CHARTS.map((spec, number) =>
-    `<div class="chart" data-chart="${number}"><h3>${spec.title}${spec.unit ? `, ${spec.unit}` : ""}</h3><p>${spec.tells}</p></div>`).join("");
+    `<div class="chart" data-chart="${number}"><h3>${spec.title}${spec.unit ? `, ${spec.unit}` : ""}</h3><p>${spec.description}</p></div>`).join("");
   drawn = CHARTS.map((spec, number) => draw(byId("charts").children[number], spec, spec.of(curves)));
 }
 function draw(box, spec, curves) {
-  const there = WHO.filter(([who]) => curves[who]);
+  const sources = SOURCES.filter(([source]) => curves[source]);
   const width = box.clientWidth - 24, height = 210, left = 46, right = 8, top = 8, bottom = 34;
-  const frames = Math.max(2, ...there.map(([who]) => curves[who].length)), end = frames * step;
-  const [low, high] = range(spec, there.map(([who]) => curves[who]));
+  const frames = Math.max(2, ...sources.map(([source]) => curves[source].length)), end = frames * step;
+  const [low, high] = range(spec, sources.map(([source]) => curves[source]));
   const x = (seconds) => left + (seconds / end) * (width - left - right);
   const scale = spec.log ? (v) => Math.log10(Math.max(v, low) / low) / Math.log10(high / low) : (v) => (v - low) / (high - low);
   const y = (v) => top + (1 - scale(v)) * (height - top - bottom);
@@ -188,11 +189,11 @@ function draw(box, spec, curves) {
   }
   const times = niceTicks(0, end, width < 320 ? 4 : 8);
   for (const v of times.ticks) body += `<line class="axis" x1="${x(v)}" x2="${x(v)}" y1="${height - bottom}" y2="${height - bottom + 4}"/><text x="${x(v)}" y="${height - bottom + 17}" text-anchor="middle">${v.toFixed(times.places)}</text>`;
-  body += `<line class="axis" x1="${left}" x2="${width - right}" y1="${y(spec.one ? 1 : spec.signed ? 0 : low)}" y2="${y(spec.one ? 1 : spec.signed ? 0 : low)}" stroke-width="1.5"/>`;
+  body += `<line class="axis" x1="${left}" x2="${width - right}" y1="${y(spec.unitLine ? 1 : spec.signed ? 0 : low)}" y2="${y(spec.unitLine ? 1 : spec.signed ? 0 : low)}" stroke-width="1.5"/>`;
   body += `<text x="${width - right}" y="${height - 3}" text-anchor="end">time, s</text>`;
-  for (const [who, kind] of there) {
+  for (const [source, kind] of sources) {
     let path = "", pen = "M";
-    curves[who].forEach((v, k) => {
+    curves[source].forEach((v, k) => {
       if (v === null || (spec.log && v <= 0)) { pen = "M"; return; }
       path += `${pen}${x(k * step).toFixed(1)} ${y(Math.min(v, high)).toFixed(1)}`; pen = "L";
     });
@@ -200,10 +201,10 @@ function draw(box, spec, curves) {
   }
   body += `<line class="now" y1="${top}" y2="${height - bottom}"/>`;
   box.insertAdjacentHTML("beforeend", `<svg role="img" aria-label="${escape(spec.title)} over time" height="${height}">${body}</svg>`);
-  return { svg: box.querySelector("svg"), spec, curves, there, frames, end, left, right, width, x };
+  return { svg: box.querySelector("svg"), spec, curves, sources, frames, end, left, right, width, x };
 }
 
-// ---- the values under the pointer, at the same time in every chart
+// ---- the values under the pointer, with a line at that time in every chart
 const tip = byId("tip");
 byId("charts").addEventListener("pointermove", (event) => {
   const box = event.target.closest(".chart");
@@ -212,13 +213,13 @@ byId("charts").addEventListener("pointermove", (event) => {
   const k = Math.round(((at - chart.left) / (chart.width - chart.left - chart.right)) * chart.frames);
   if (k < 0 || k >= chart.frames) return hide();
   for (const one of drawn) {
-    const now = one.svg.querySelector(".now"), place = one.x(k * step);
-    now.setAttribute("x1", place); now.setAttribute("x2", place);
+    const now = one.svg.querySelector(".now"), x = one.x(k * step);
+    now.setAttribute("x1", x); now.setAttribute("x2", x);
     now.style.visibility = k < one.frames ? "visible" : "hidden";
   }
-  const rows = chart.there.map(([who]) => {
-    const v = chart.curves[who][k];
-    return `<tr><td>${who}</td><td>${v === null || v === undefined ? "\u2013" : minus(v.toPrecision(3))} ${chart.spec.unit}</td></tr>`;
+  const rows = chart.sources.map(([source]) => {
+    const v = chart.curves[source][k];
+    return `<tr><td>${source}</td><td>${isNumber(v) ? minus(v.toPrecision(3)) : "\u2013"} ${chart.spec.unit}</td></tr>`;
   });
   tip.innerHTML = `${(k * step).toFixed(2)} s, frame ${k * report.stride}<table>${rows.join("")}</table>`;
   tip.style.visibility = "visible";
@@ -229,33 +230,33 @@ byId("charts").addEventListener("pointermove", (event) => {
 function hide() { tip.style.visibility = "hidden"; for (const one of drawn) one.svg.querySelector(".now").style.visibility = "hidden"; }
 byId("charts").addEventListener("pointerleave", hide);
 
-// ---- what does not change with the choice
-function still() {
-  const { name, about, guarded } = report.model, judged = report.scenes.length, sets = report.data.filter((one) => one.scenes).length;
-  byId("title").textContent = `How close \u2018${name}\u2019 comes to SPlisHSPlasH${guarded ? "" : " without its guard"}`;
-  const share = report.scenes.reduce((sum, one) => sum + one.guarded, 0) / judged;
-  const guard = guarded ? `the guard moved ${(100 * share).toFixed(2)}\u202f% of the particles in a frame` : "without the guard against penetration";
-  byId("subtitle").textContent = `Rolled out from the start of ${plural(judged, "held-out scene")} of ${plural(sets, "data set")} and compared with the reference solver, frame by frame; ${guard}.`;
-  byId("about").textContent = about || "It has none.";
+// ---- parts that do not depend on the choice
+function showFixed() {
+  const { name, about, handle_collisions } = report.simulator, evaluated = report.scenes.length, sets = report.data.filter((one) => one.scenes).length;
+  byId("title").textContent = `Accuracy of ${name} against SPlisHSPlasH${handle_collisions ? "" : ", without collision handling"}`;
+  const share = report.scenes.reduce((sum, one) => sum + one.collided_share, 0) / evaluated;
+  const collisions = handle_collisions ? `collision handling moved ${(100 * share).toFixed(2)}\u202f% of the particles in a frame` : "collision handling was off";
+  byId("subtitle").textContent = `${plural(evaluated, "held-out scene")} of ${plural(sets, "data set")}, simulated from the reference's first frame and compared with the reference solver frame by frame; ${collisions}.`;
+  byId("about").textContent = about || "This simulator has none.";
   const skipped = report.data.flatMap((one) => one.skipped.map((bad) => ({ ...bad, data: one.name })));
-  const notices = skipped.length ? [`${plural(skipped.length, "file")} could not be used and ${skipped.length === 1 ? "is" : "are"} named below.`] : [];
+  const notices = skipped.length ? [`${plural(skipped.length, "file")} ${skipped.length === 1 ? "is" : "are"} not valid and listed below.`] : [];
   for (const one of report.data) if (one.scenes && one.floor_missing)
-    notices.push(`${one.floors ? `Only ${one.floors} of the ${one.scenes} scenes` : "No scene"} of ${one.name} ${one.floors > 1 ? "have" : "has"} a floor, the solver's own distance from itself: ${one.floor_missing}.`);
-  for (const one of report.data) if (one.unseen) notices.push(`${one.unseen}.`);
+    notices.push(`${one.floors ? `Only ${one.floors} of the ${one.scenes} scenes` : "No scene"} of ${one.name} ${one.floors > 1 ? "have" : "has"} a reproducibility floor: ${one.floor_missing}.`);
+  for (const one of report.data) if (one.domain_warning) notices.push(`${one.domain_warning}.`);
   byId("notices").innerHTML = notices.map((text) => `<div class="notice">${escape(text)}</div>`).join("");
   byId("skipped-section").hidden = !skipped.length;
   byId("skipped").innerHTML = skipped.map((bad) => `<li><b>${escape(bad.data)}/${escape(bad.file)}</b>: ${escape(bad.reason)}</li>`).join("");
   byId("videos-section").hidden = !report.videos.length && !report.no_videos;
-  byId("videos-told").textContent = report.no_videos || "By Chamfer distance over all frames, of all data sets. Model on the left, truth on the right, in real time.";
+  byId("videos-note").textContent = report.no_videos || "By Chamfer distance over all frames, of all data sets. Simulator on the left, reference on the right, in real time.";
   byId("videos").innerHTML = report.videos.map((one) => `<figure><video controls muted loop playsinline preload="metadata" src="${one.source}"></video>`
-    + `<figcaption><b>${one.rank}</b><span>${escape(one.data)} / ${escape(one.scene)}, ${escape(one.surface)}</span><span>Chamfer ${shown(one.chamfer, metric.chamfer)} m</span></figcaption></figure>`).join("");
-  for (const video of document.querySelectorAll("video")) { // a still of the splash until it is played
+    + `<figcaption><b>${one.rank}</b><span>${escape(one.data)} / ${escape(one.scene)}, ${escape(one.surface)}</span><span>Chamfer ${format(one.chamfer, metric.chamfer)} m</span></figcaption></figure>`).join("");
+  for (const video of document.querySelectorAll("video")) { // show the splash until the video plays
     video.addEventListener("loadedmetadata", () => { video.currentTime = Math.min(0.9, video.duration / 2); }, { once: true });
     video.addEventListener("play", () => { video.currentTime = 0; }, { once: true });
   }
-  byId("meanings").innerHTML = metrics.map((one) => `<dt>${escape(one.name)} <small>${escape(one.unit)}</small></dt><dd>${escape(one.tells)}</dd>`).join("")
-    + "<dt>floor</dt><dd>the reference solver against itself, started 1 mm away along x, y and z; mean of the three, by the same metrics</dd>"
-    + "<dt>ratio</dt><dd>model over floor; at 1 the model cannot be told from a second run of the solver</dd>"
+  byId("meanings").innerHTML = metrics.map((one) => `<dt>${escape(one.name)} <small>${escape(one.unit)}</small></dt><dd>${escape(one.description)}</dd>`).join("")
+    + "<dt>floor</dt><dd>the reproducibility floor: the same metrics for repeats of the reference solver with the water moved by 1 mm along x, y and z; mean of the three</dd>"
+    + "<dt>ratio</dt><dd>simulator over floor; at 1 the simulator is indistinguishable from a second run of the reference solver</dd>"
     + `<dt>near the solid</dt><dd>at a signed distance below ${report.near} m</dd>`;
   byId("footer").textContent = `surfsup ${report.version}; a frame is ${1000 * report.frame_time} ms; curves here show every ${report.stride === 1 ? "" : `${report.stride}. `}frame, report.json all.`;
   byId("data").innerHTML = report.data.filter((one) => one.scenes).map((one) => `<option>${escape(one.name)}</option>`).join("");
@@ -273,5 +274,5 @@ byId("scene").addEventListener("change", (event) => { chosen.scene = event.targe
 byId("window").addEventListener("change", (event) => { chosen.window = event.target.value; show(); });
 let lastWidth = 0;
 new ResizeObserver(() => { const width = byId("charts").clientWidth; if (width !== lastWidth) { lastWidth = width; drawCharts(); } }).observe(byId("charts"));
-still();
+showFixed();
 show();

@@ -1,12 +1,12 @@
 "use strict";
-// Shows a trajectory: particles that move along straight lines between stored frames, drawn as water or by their speed.
-// Water is a screen-space fluid (after van der Laan, Green and Sainz, 2009): a smooth depth from drops, lit a pixel at a time.
+// Plays a trajectory. Particles are interpolated linearly between stored frames and drawn as water or colored by speed.
+// Water is a screen-space fluid (after van der Laan, Green and Sainz, 2009): a smooth depth of soft spheres, shaded per pixel.
 
 const header = JSON.parse(document.getElementById("header").textContent);
 const canvas = document.getElementById("view");
-const say = (text) => { document.getElementById("message").textContent = text; };
+const showMessage = (text) => { document.getElementById("message").textContent = text; };
 
-// ---- small matrices, column by column, as WebGL wants them
+// ---- vectors and column-major 4x4 matrices
 const sub = (a, b) => a.map((x, i) => x - b[i]);
 const dot = (a, b) => a.reduce((s, x, i) => s + x * b[i], 0);
 const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
@@ -24,7 +24,7 @@ function perspective(fov, aspect, near, far) {
   const f = 1 / Math.tan(fov / 2);
   return [f / aspect, 0, 0, 0, 0, f, 0, 0, 0, 0, (far + near) / (near - far), -1, 0, 0, 2 * far * near / (near - far), 0];
 }
-function parallel(half, near, far) {
+function orthographic(half, near, far) {
   return [1 / half, 0, 0, 0, 0, 1 / half, 0, 0, 0, 0, 2 / (near - far), 0, 0, 0, (far + near) / (near - far), 1];
 }
 
@@ -32,18 +32,18 @@ function parallel(half, near, far) {
 const COMMON = `#version 300 es
 precision highp float; precision highp int; precision highp sampler2DShadow;
 const vec3 SUN = normalize(vec3(-0.45, -0.42, 0.79));
-vec3 display(vec3 c) { c = mix(c, 0.8 + 0.2 * (1.0 - exp(-(c - 0.8) / 0.2)), step(0.8, c)); return pow(clamp(c, 0.0, 1.0), vec3(1.0 / 2.2)); }
+vec3 toneMap(vec3 c) { c = mix(c, 0.8 + 0.2 * (1.0 - exp(-(c - 0.8) / 0.2)), step(0.8, c)); return pow(clamp(c, 0.0, 1.0), vec3(1.0 / 2.2)); }
 vec3 linear(vec3 c) { return pow(c, vec3(2.2)); }
-vec3 surroundings(vec3 d) {
+vec3 environmentRadiance(vec3 d) {
   vec3 c = mix(vec3(0.93, 0.95, 0.97), vec3(0.56, 0.68, 0.86), pow(clamp(d.z, 0.0, 1.0), 0.6));
   c = mix(c, vec3(0.69), clamp(-d.z * 5.0, 0.0, 1.0));
   return c + smoothstep(0.86, 0.92, dot(d, SUN)) * 1.6;
 }
 `;
 const SHADOW = `
-uniform sampler2DShadow shadowMap; uniform mat4 toSun;
+uniform sampler2DShadow shadowMap; uniform mat4 sunMatrix;
 float sunlit(vec3 p) {
-  vec3 q = (toSun * vec4(p, 1.0)).xyz * 0.5 + 0.5;
+  vec3 q = (sunMatrix * vec4(p, 1.0)).xyz * 0.5 + 0.5;
   if (any(lessThan(q.xy, vec2(0.0))) || any(greaterThan(q.xy, vec2(1.0)))) return 1.0;
   float s = 0.0;
   for (int y = -2; y <= 2; y++) for (int x = -2; x <= 2; x++) s += texture(shadowMap, vec3(q.xy + vec2(x, y) * 0.0022, q.z - 0.004));
@@ -51,12 +51,12 @@ float sunlit(vec3 p) {
 }
 `;
 const PARTICLE = `
-layout(location = 0) in vec2 corner; layout(location = 1) in vec3 before; layout(location = 2) in vec3 after;
-uniform float mixing, radius, frameTime; uniform vec3 low, extent; uniform mat4 view, projection;
+layout(location = 0) in vec2 corner; layout(location = 1) in vec3 previous; layout(location = 2) in vec3 next;
+uniform float blend, radius, frameTime; uniform vec3 low, extent; uniform mat4 view, projection;
 out vec2 disc; out vec3 center; out float speed;
 void main() {
-  vec3 a = low + before * extent, b = low + after * extent;
-  center = (view * vec4(mix(a, b, mixing), 1.0)).xyz;
+  vec3 a = low + previous * extent, b = low + next * extent;
+  center = (view * vec4(mix(a, b, blend), 1.0)).xyz;
   speed = length(b - a) / frameTime;
   disc = corner;
   gl_Position = projection * vec4(center + vec3(corner * radius, 0.0), 1.0);
@@ -71,14 +71,14 @@ vec3 sphere() {
   return n;
 }
 `;
-const DROP = `
+const SOFT_SPHERE = `
 in vec2 disc; in vec3 center; in float speed; uniform float radius; uniform mat4 projection;
-float drop() { float r2 = dot(disc, disc); if (r2 > 1.0) discard; return -center.z - 0.6 * radius * (1.0 - r2); }
+float softDepth() { float r2 = dot(disc, disc); if (r2 > 1.0) discard; return -center.z - 0.6 * radius * (1.0 - r2); }
 `;
-const SCREEN = `layout(location = 0) in vec2 corner; out vec2 at; void main() { at = corner * 0.5 + 0.5; gl_Position = vec4(corner, 0.0, 1.0); }`;
+const SCREEN = `layout(location = 0) in vec2 corner; out vec2 uv; void main() { uv = corner * 0.5 + 0.5; gl_Position = vec4(corner, 0.0, 1.0); }`;
 
 const SOURCES = {
-  depthOnly: [`layout(location = 0) in vec3 position; uniform mat4 toSun; void main() { gl_Position = toSun * vec4(position, 1.0); }`, `void main() {}`],
+  depthOnly: [`layout(location = 0) in vec3 position; uniform mat4 sunMatrix; void main() { gl_Position = sunMatrix * vec4(position, 1.0); }`, `void main() {}`],
   particleShadow: [PARTICLE, SPHERE + `void main() { sphere(); }`],
   floor: [`layout(location = 0) in vec2 corner; uniform mat4 view, projection; out vec3 p;
     void main() { p = vec3(corner * 12.0, 0.0); gl_Position = projection * view * vec4(p, 1.0); }`,
@@ -87,9 +87,9 @@ const SOURCES = {
       float far = smoothstep(0.75, 2.6, length(p.xy));
       vec3 c = vec3(0.93, 0.94, 0.95) * mix(vec3(0.56, 0.60, 0.66), vec3(1.0), sunlit(p));
       float up = gl_FragCoord.y / viewport.y;
-      color = vec4(mix(c, mix(vec3(0.93, 0.95, 0.97), vec3(0.70, 0.79, 0.88), up * 0.9), far), 1.0); color.rgb = display(color.rgb);
+      color = vec4(mix(c, mix(vec3(0.93, 0.95, 0.97), vec3(0.70, 0.79, 0.88), up * 0.9), far), 1.0); color.rgb = toneMap(color.rgb);
     }`],
-  backdrop: [SCREEN, `in vec2 at; out vec4 color; void main() { color = vec4(display(mix(vec3(0.93, 0.95, 0.97), vec3(0.70, 0.79, 0.88), at.y * 0.9)), 1.0); }`],
+  backdrop: [SCREEN, `in vec2 uv; out vec4 color; void main() { color = vec4(toneMap(mix(vec3(0.93, 0.95, 0.97), vec3(0.70, 0.79, 0.88), uv.y * 0.9)), 1.0); }`],
   solid: [`layout(location = 0) in vec3 position; layout(location = 1) in vec3 normal; uniform mat4 view, projection; out vec3 p, n;
     void main() { p = position; n = normal; gl_Position = projection * view * vec4(p, 1.0); }`,
   SHADOW + `in vec3 p, n; uniform vec3 eye; out vec4 color;
@@ -100,7 +100,7 @@ const SOURCES = {
       vec3 light = sun * vec3(1.0, 0.94, 0.84) * 0.80 + sky * vec3(0.66, 0.76, 0.90) * 0.46 * (0.6 + 0.4 * low)
                  + (1.0 - sky) * vec3(0.8, 0.78, 0.74) * 0.26 * (0.35 + 0.65 * low);
       float rim = pow(1.0 - max(dot(m, v), 0.0), 4.0) * 0.10;
-      color = vec4(display(vec3(0.74, 0.38, 0.21) * light + rim), 1.0);
+      color = vec4(toneMap(vec3(0.74, 0.38, 0.21) * light + rim), 1.0);
     }`],
   lines: [`layout(location = 0) in vec3 position; uniform mat4 view, projection; uniform float height; out float fade;
     void main() { fade = mix(0.55, 0.12, position.z / height); gl_Position = projection * view * vec4(position, 1.0); gl_Position.z -= 2e-4 * gl_Position.w; }`,
@@ -111,53 +111,52 @@ const SOURCES = {
       float s = clamp(speed / 4.5, 0.0, 1.0);
       vec3 slow = vec3(0.03, 0.14, 0.42), mid = vec3(0.03, 0.50, 0.72), fast = vec3(0.86, 0.93, 0.90);
       vec3 c = s < 0.5 ? mix(slow, mid, s * 2.0) : mix(mid, fast, s * 2.0 - 1.0);
-      color = vec4(display(c * (0.45 + 0.65 * max(dot(n, SUN), 0.0) + 0.2 * n.z)), 1.0);
+      color = vec4(toneMap(c * (0.45 + 0.65 * max(dot(n, SUN), 0.0) + 0.2 * n.z)), 1.0);
     }`],
-  // Water's surface is the mean of wide soft drops, weighted by how near they are to the eye: single drops stay round,
-  // neighbors flow together, and there is no blur that could leave marks.
-  front: [PARTICLE, DROP + `out float depth;
-    // Only a drop's core may stand in front: its soft rim alone would punch a hole into what lies behind it.
-    void main() { depth = drop(); if (dot(disc, disc) > 0.31) discard; vec4 clip = projection * vec4(0.0, 0.0, -depth, 1.0); gl_FragDepth = clip.z / clip.w * 0.5 + 0.5; }`],
-  gather: [PARTICLE, DROP + `uniform sampler2D front; out vec4 sums;
+  // The water's depth is the mean of wide soft spheres, weighted by how near they are to the front. Single particles stay
+  // round, neighbors merge, and there are no artifacts of a blur.
+  front: [PARTICLE, SOFT_SPHERE + `out float depth;
+    // Only the core of a sphere counts as front: its soft rim alone would cut a hole into the water behind it.
+    void main() { depth = softDepth(); if (dot(disc, disc) > 0.31) discard; vec4 clip = projection * vec4(0.0, 0.0, -depth, 1.0); gl_FragDepth = clip.z / clip.w * 0.5 + 0.5; }`],
+  gather: [PARTICLE, SOFT_SPHERE + `uniform sampler2D front; out vec4 sums;
     void main() {
-      float back = drop() - texelFetch(front, ivec2(gl_FragCoord.xy), 0).r, t = back / (1.6 * radius), q = 1.0 - dot(disc, disc);
+      float back = softDepth() - texelFetch(front, ivec2(gl_FragCoord.xy), 0).r, t = back / (1.6 * radius), q = 1.0 - dot(disc, disc);
       float w = q * q * q * exp(-t * t); sums = vec4(w * back / radius, w, 0.0, 1.0);
     }`],
-  surface: [SCREEN, `in vec2 at; uniform sampler2D front, sums; uniform float radius; out float depth;
+  surface: [SCREEN, `in vec2 uv; uniform sampler2D front, sums; uniform float radius; out float depth;
     void main() {
       vec2 s = texelFetch(sums, ivec2(gl_FragCoord.xy), 0).rg;
       depth = s.g < 0.1 ? 1e4 : texelFetch(front, ivec2(gl_FragCoord.xy), 0).r + s.r / s.g * radius;
     }`],
-  thickness: [PARTICLE, `in vec2 disc; uniform float radius; out float water;
-    // a disc of radius 1.9 r and this height holds the particle's volume, (2 r)^3
-    void main() { float r2 = dot(disc, disc); if (r2 > 1.0) discard; water = 0.74 * radius * (1.0 - r2); }`],
-  compose: [SCREEN, `in vec2 at; uniform sampler2D scene, sceneDepth, fluid, waterDepth; uniform mat4 view; uniform vec2 lens, range; uniform float lift; out vec4 color;
+  thickness: [PARTICLE, `in vec2 disc; uniform float radius; out float thickness;
+    // A disc of radius 1.9 r and this height has the particle's volume, (2 r)^3.
+    void main() { float r2 = dot(disc, disc); if (r2 > 1.0) discard; thickness = 0.74 * radius * (1.0 - r2); }`],
+  compose: [SCREEN, `in vec2 uv; uniform sampler2D scene, sceneDepth, waterDepth, waterThickness; uniform mat4 view; uniform vec2 lens, range; uniform float lift; out vec4 color;
     float meters(float z) { return range.x * range.y / (range.y - z * (range.y - range.x)); }
-    vec3 place(vec2 q, float d) { return vec3((q * 2.0 - 1.0 - vec2(0.0, lift)) * lens * d, -d); }
-    float depthAt(vec2 q) { return texture(fluid, q).r; }
+    vec3 position(vec2 q, float d) { return vec3((q * 2.0 - 1.0 - vec2(0.0, lift)) * lens * d, -d); }
+    float depthAt(vec2 q) { return texture(waterDepth, q).r; }
     void main() {
-      vec3 behind = texture(scene, at).rgb; float d = depthAt(at), solid = meters(texture(sceneDepth, at).r);
-      if (d > 1e3 || d > solid) { color = vec4(behind, 1.0); return; }
-      vec2 px = 1.0 / vec2(textureSize(fluid, 0)); vec3 p = place(at, d);
-      // The flatter of the two neighbors on each axis: normals must not bend around an outline.
-      vec3 r = place(at + vec2(px.x, 0), depthAt(at + vec2(px.x, 0))) - p, l = p - place(at - vec2(px.x, 0), depthAt(at - vec2(px.x, 0)));
-      vec3 u = place(at + vec2(0, px.y), depthAt(at + vec2(0, px.y))) - p, b = p - place(at - vec2(0, px.y), depthAt(at - vec2(0, px.y)));
+      vec3 background = texture(scene, uv).rgb; float d = depthAt(uv), solid = meters(texture(sceneDepth, uv).r);
+      if (d > 1e3 || d > solid) { color = vec4(background, 1.0); return; }
+      vec2 px = 1.0 / vec2(textureSize(waterDepth, 0)); vec3 p = position(uv, d);
+      // The flatter of the two neighbors on each axis, so that normals do not bend around an outline.
+      vec3 r = position(uv + vec2(px.x, 0), depthAt(uv + vec2(px.x, 0))) - p, l = p - position(uv - vec2(px.x, 0), depthAt(uv - vec2(px.x, 0)));
+      vec3 u = position(uv + vec2(0, px.y), depthAt(uv + vec2(0, px.y))) - p, b = p - position(uv - vec2(0, px.y), depthAt(uv - vec2(0, px.y)));
       vec3 n = normalize(cross(abs(r.z) < abs(l.z) ? r : l, abs(u.z) < abs(b.z) ? u : b));
-      vec3 v = normalize(-p); float facing = clamp(dot(n, v), 0.02, 1.0);
-      float water = texture(waterDepth, at).r;
-      water = min(water, max(solid - d, 0.0) + 0.02);
-      vec2 aside = at - n.xy * clamp(water, 0.01, 0.12) * 0.25 / (lens * 2.0 * d);
-      if (meters(texture(sceneDepth, aside).r) < d) aside = at;
-      vec3 through = linear(texture(scene, aside).rgb);
-      mat3 back = transpose(mat3(view)); vec3 m = back * n, w = back * v;
-      vec3 clear = exp(-vec3(15.0, 4.8, 2.3) * water);
-      vec3 body = through * clear + vec3(0.05, 0.30, 0.50) * (0.62 + 0.38 * dot(m, SUN)) * (1.0 - clear);
-      float fresnel = 0.02 + 0.98 * pow(1.0 - facing, 5.0);
-      vec3 reflected = 2.0 * facing * m - w;
-      vec3 c = mix(body, surroundings(reflected), fresnel * 0.85) + 0.55 * pow(clamp(dot(reflected, SUN), 0.0, 1.0), 160.0);
-      color = vec4(display(c), 1.0);
+      vec3 v = normalize(-p); float cosine = clamp(dot(n, v), 0.02, 1.0);
+      float thickness = min(texture(waterThickness, uv).r, max(solid - d, 0.0) + 0.02);
+      vec2 shifted = uv - n.xy * clamp(thickness, 0.01, 0.12) * 0.25 / (lens * 2.0 * d);
+      if (meters(texture(sceneDepth, shifted).r) < d) shifted = uv;
+      vec3 refracted = linear(texture(scene, shifted).rgb);
+      mat3 toWorld = transpose(mat3(view)); vec3 m = toWorld * n, w = toWorld * v;
+      vec3 transmittance = exp(-vec3(15.0, 4.8, 2.3) * thickness);
+      vec3 body = refracted * transmittance + vec3(0.05, 0.30, 0.50) * (0.62 + 0.38 * dot(m, SUN)) * (1.0 - transmittance);
+      float fresnel = 0.02 + 0.98 * pow(1.0 - cosine, 5.0);
+      vec3 reflected = 2.0 * cosine * m - w;
+      vec3 c = mix(body, environmentRadiance(reflected), fresnel * 0.85) + 0.55 * pow(clamp(dot(reflected, SUN), 0.0, 1.0), 160.0);
+      color = vec4(toneMap(c), 1.0);
     }`],
-  copy: [SCREEN, `in vec2 at; uniform sampler2D scene; out vec4 color; void main() { color = texture(scene, at); }`],
+  copy: [SCREEN, `in vec2 uv; uniform sampler2D scene; out vec4 color; void main() { color = texture(scene, uv); }`],
 };
 
 function build(gl) {
@@ -171,12 +170,12 @@ function build(gl) {
     });
     gl.linkProgram(program);
     if (!gl.getProgramParameter(program, gl.LINK_STATUS)) throw new Error(name + ": " + gl.getProgramInfoLog(program));
-    const where = {};
+    const uniforms = {};
     for (let i = 0; i < gl.getProgramParameter(program, gl.ACTIVE_UNIFORMS); i++) {
       const info = gl.getActiveUniform(program, i);
-      where[info.name] = [gl.getUniformLocation(program, info.name), info.type];
+      uniforms[info.name] = [gl.getUniformLocation(program, info.name), info.type];
     }
-    programs[name] = { program, where };
+    programs[name] = { program, uniforms };
   }
   return programs;
 }
@@ -185,21 +184,21 @@ async function unpack() {
   const text = document.getElementById("data").textContent.trim(), bytes = Uint8Array.from(atob(text), (c) => c.charCodeAt(0));
   const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("gzip"));
   const buffer = await new Response(stream).arrayBuffer();
-  let at = 0;
-  const take = (Kind, count) => { const a = new Kind(buffer, at, count); at += a.byteLength; return a; };
+  let offset = 0;
+  const take = (ArrayType, count) => { const a = new ArrayType(buffer, offset, count); offset += a.byteLength; return a; };
   const faces = take(Uint32Array, header.faces * 3), vertices = take(Float32Array, header.vertices * 3);
   const normals = take(Float32Array, header.vertices * 3), positions = take(Uint16Array, header.frames * header.particles * 3);
-  const step = header.particles * 3;  // stored as differences to the frame before, modulo 2^16
+  const step = header.particles * 3;  // stored as differences from the previous frame, modulo 2^16
   for (let i = step; i < positions.length; i++) positions[i] = positions[i] + positions[i - step];
   return { faces, vertices, normals, positions };
 }
 
 function main(data) {
   const gl = canvas.getContext("webgl2", { antialias: false, alpha: false });
-  if (!gl) { say("This page needs WebGL 2."); return; }
-  const canWater = !!gl.getExtension("EXT_color_buffer_float");
-  const look = document.getElementById("look");
-  if (!canWater) { look.value = "speed"; look.disabled = true; }
+  if (!gl) { showMessage("This page needs WebGL 2."); return; }
+  const hasWater = !!gl.getExtension("EXT_color_buffer_float");
+  const style = document.getElementById("style");
+  if (!hasWater) { style.value = "speed"; style.disabled = true; }
   const programs = build(gl);
 
   // ---- buffers
@@ -218,13 +217,13 @@ function main(data) {
   upload(gl.ARRAY_BUFFER, new Float32Array(box.flat())); gl.enableVertexAttribArray(0); gl.vertexAttribPointer(0, 3, gl.FLOAT, false, 0, 0);
   const particles = gl.createVertexArray(); gl.bindVertexArray(particles);
   gl.bindBuffer(gl.ARRAY_BUFFER, corners); gl.enableVertexAttribArray(0); gl.vertexAttribPointer(0, 2, gl.FLOAT, false, 0, 0);
-  const before = gl.createBuffer(), after = gl.createBuffer(), size = header.particles * 3;
-  [before, after].forEach((b, i) => {
+  const previous = gl.createBuffer(), next = gl.createBuffer(), size = header.particles * 3;
+  [previous, next].forEach((b, i) => {
     gl.bindBuffer(gl.ARRAY_BUFFER, b); gl.bufferData(gl.ARRAY_BUFFER, size * 2, gl.DYNAMIC_DRAW);
     gl.enableVertexAttribArray(i + 1); gl.vertexAttribPointer(i + 1, 3, gl.UNSIGNED_SHORT, true, 0, 0); gl.vertexAttribDivisor(i + 1, 1);
   });
 
-  // ---- textures to draw into
+  // ---- framebuffers
   const target = (w, h, inner, format, type, filter, depthTexture) => {
     const texture = (i, f, t, flt) => {
       const x = gl.createTexture(); gl.bindTexture(gl.TEXTURE_2D, x); gl.texImage2D(gl.TEXTURE_2D, 0, i, w, h, 0, f, t, null);
@@ -249,11 +248,11 @@ function main(data) {
     if (targets) for (const t of Object.values(targets)) { gl.deleteFramebuffer(t.frame); gl.deleteTexture(t.color); if (t.depth) gl.deleteTexture(t.depth); }
     canvas.width = w; canvas.height = h;
     targets = { scene: target(w, h, gl.RGBA8, gl.RGBA, gl.UNSIGNED_BYTE, gl.LINEAR, true) };
-    if (canWater) {
+    if (hasWater) {
       targets.front = target(w, h, gl.R32F, gl.RED, gl.FLOAT, gl.NEAREST, true);
       targets.sums = target(w, h, gl.RGBA16F, gl.RGBA, gl.HALF_FLOAT, gl.NEAREST, false);
-      targets.fluid = target(w, h, gl.R32F, gl.RED, gl.FLOAT, gl.NEAREST, false);
-      targets.water = target(w >> 1, h >> 1, gl.R16F, gl.RED, gl.HALF_FLOAT, gl.LINEAR, false);
+      targets.waterDepth = target(w, h, gl.R32F, gl.RED, gl.FLOAT, gl.NEAREST, false);
+      targets.thickness = target(w >> 1, h >> 1, gl.R16F, gl.RED, gl.HALF_FLOAT, gl.LINEAR, false);
     }
   }
 
@@ -267,31 +266,31 @@ function main(data) {
     active = programs[name]; gl.useProgram(active.program); let unit_ = 0;
     for (const [key, texture] of Object.entries(textures)) {
       gl.activeTexture(gl.TEXTURE0 + unit_); gl.bindTexture(gl.TEXTURE_2D, texture);
-      if (active.where[key]) setters[active.where[key][1]](active.where[key][0], unit_);
+      if (active.uniforms[key]) setters[active.uniforms[key][1]](active.uniforms[key][0], unit_);
       unit_++;
     }
-    for (const [key, value] of Object.entries(values)) if (active.where[key]) setters[active.where[key][1]](active.where[key][0], value);
+    for (const [key, value] of Object.entries(values)) if (active.uniforms[key]) setters[active.uniforms[key][1]](active.uniforms[key][0], value);
   };
-  const into = (t, w, h) => { gl.bindFramebuffer(gl.FRAMEBUFFER, t ? t.frame : null); gl.viewport(0, 0, t ? t.w : w, t ? t.h : h); };
-  const fill = () => { gl.bindVertexArray(screen); gl.drawArrays(gl.TRIANGLE_STRIP, 0, 4); };
+  const bindTarget = (t, w, h) => { gl.bindFramebuffer(gl.FRAMEBUFFER, t ? t.frame : null); gl.viewport(0, 0, t ? t.w : w, t ? t.h : h); };
+  const drawScreen = () => { gl.bindVertexArray(screen); gl.drawArrays(gl.TRIANGLE_STRIP, 0, 4); };
   const drawSolid = () => { if (header.faces) { gl.bindVertexArray(solid); gl.drawElements(gl.TRIANGLES, header.faces * 3, gl.UNSIGNED_INT, 0); } };
   const drawParticles = () => { gl.bindVertexArray(particles); gl.drawArraysInstanced(gl.TRIANGLE_STRIP, 0, 4, header.particles); };
 
   const start = sub(header.eye, header.target), far0 = Math.hypot(...start);
   const orbit = { azimuth: Math.atan2(start[1], start[0]), elevation: Math.asin(start[2] / far0), distance: far0, target: header.target.slice() };
   const fov = header.fov * Math.PI / 180;
-  const LIFT = 0.09;  // share of half the height by which the picture is moved up, out from behind the play bar
+  const LIFT = 0.09;  // upward shift of the picture, in half heights, to clear the play bar
   const sun = unit([-0.45, -0.42, 0.79]), reach = 0.75 * Math.hypot(cx, cy) + 0.35, mid = [0, 0, 0.45];
-  const sunView = lookAt(mid.map((m, i) => m + sun[i] * 6), mid, [0, 0, 1]), sunLens = parallel(reach, 1, 12), toSun = multiply(sunLens, sunView);
+  const sunView = lookAt(mid.map((m, i) => m + sun[i] * 6), mid, [0, 0, 1]), sunProjection = orthographic(reach, 1, 12), sunMatrix = multiply(sunProjection, sunView);
   let shown = -1;
 
   function draw(time) {
     resize();
-    const exact = Math.min(time / header.frameTime, header.frames - 1), frame = Math.min(Math.floor(exact), Math.max(header.frames - 2, 0)), mixing = exact - frame;
+    const exact = Math.min(time / header.frameTime, header.frames - 1), frame = Math.min(Math.floor(exact), Math.max(header.frames - 2, 0)), blend = exact - frame;
     if (frame !== shown) {
       const pick = (f) => data.positions.subarray(f * size, (f + 1) * size);
-      gl.bindBuffer(gl.ARRAY_BUFFER, before); gl.bufferSubData(gl.ARRAY_BUFFER, 0, pick(frame));
-      gl.bindBuffer(gl.ARRAY_BUFFER, after); gl.bufferSubData(gl.ARRAY_BUFFER, 0, pick(Math.min(frame + 1, header.frames - 1)));
+      gl.bindBuffer(gl.ARRAY_BUFFER, previous); gl.bufferSubData(gl.ARRAY_BUFFER, 0, pick(frame));
+      gl.bindBuffer(gl.ARRAY_BUFFER, next); gl.bufferSubData(gl.ARRAY_BUFFER, 0, pick(Math.min(frame + 1, header.frames - 1)));
       shown = frame;
     }
     const w = canvas.width, h = canvas.height, aspect = w / h, wide = Math.max(1, header.aspect / aspect);
@@ -300,70 +299,70 @@ function main(data) {
     const near = 0.05 * distance, far = 3 * distance + 10;
     const view = lookAt(eye, orbit.target, [0, 0, 1]), projection = perspective(fov, aspect, near, far);
     projection[9] = -LIFT;
-    const values = { view, projection, eye, toSun, mixing, low: header.low, extent: header.extent, frameTime: header.frameTime, viewport: [w, h], height: cz, radius: header.radius };
+    const values = { view, projection, eye, sunMatrix, blend, low: header.low, extent: header.extent, frameTime: header.frameTime, viewport: [w, h], height: cz, radius: header.radius };
 
     gl.enable(gl.DEPTH_TEST); gl.disable(gl.BLEND); gl.depthMask(true);
-    into(shadow); gl.clear(gl.DEPTH_BUFFER_BIT);
+    bindTarget(shadow); gl.clear(gl.DEPTH_BUFFER_BIT);
     use("depthOnly", values); drawSolid();
-    use("particleShadow", { ...values, view: sunView, projection: sunLens, radius: header.radius }); drawParticles();
+    use("particleShadow", { ...values, view: sunView, projection: sunProjection, radius: header.radius }); drawParticles();
 
-    const asWater = look.value === "water";
-    into(targets.scene); gl.clear(gl.DEPTH_BUFFER_BIT);
-    gl.disable(gl.DEPTH_TEST); use("backdrop", values); fill(); gl.enable(gl.DEPTH_TEST);
-    if (eye[2] > 0) { use("floor", values, { shadowMap: shadow.depth }); fill(); }
+    const asWater = style.value === "water";
+    bindTarget(targets.scene); gl.clear(gl.DEPTH_BUFFER_BIT);
+    gl.disable(gl.DEPTH_TEST); use("backdrop", values); drawScreen(); gl.enable(gl.DEPTH_TEST);
+    if (eye[2] > 0) { use("floor", values, { shadowMap: shadow.depth }); drawScreen(); }
     use("solid", values, { shadowMap: shadow.depth }); drawSolid();
     if (!asWater) { use("speed", { ...values, radius: header.radius * 1.05 }); drawParticles(); }
     gl.enable(gl.BLEND); gl.blendFunc(gl.SRC_ALPHA, gl.ONE_MINUS_SRC_ALPHA); gl.depthMask(false);
     use("lines", values); gl.bindVertexArray(lines); gl.drawArrays(gl.LINES, 0, 24);
     gl.disable(gl.BLEND); gl.depthMask(true);
 
-    if (!asWater) { gl.disable(gl.DEPTH_TEST); into(null, w, h); use("copy", {}, { scene: targets.scene.color }); fill(); return; }
-    const drop = { ...values, radius: header.radius * 2.6 };
-    into(targets.front); gl.clearBufferfv(gl.COLOR, 0, [1e4, 0, 0, 0]); gl.clear(gl.DEPTH_BUFFER_BIT);
-    use("front", drop); drawParticles();
+    if (!asWater) { gl.disable(gl.DEPTH_TEST); bindTarget(null, w, h); use("copy", {}, { scene: targets.scene.color }); drawScreen(); return; }
+    const softSphere = { ...values, radius: header.radius * 2.6 };
+    bindTarget(targets.front); gl.clearBufferfv(gl.COLOR, 0, [1e4, 0, 0, 0]); gl.clear(gl.DEPTH_BUFFER_BIT);
+    use("front", softSphere); drawParticles();
     gl.disable(gl.DEPTH_TEST); gl.enable(gl.BLEND); gl.blendFunc(gl.ONE, gl.ONE);
-    into(targets.sums); gl.clearBufferfv(gl.COLOR, 0, [0, 0, 0, 0]);
-    use("gather", drop, { front: targets.front.color }); drawParticles();
-    gl.disable(gl.BLEND); into(targets.fluid);
-    use("surface", drop, { front: targets.front.color, sums: targets.sums.color }); fill();
-    into(targets.water); gl.clearBufferfv(gl.COLOR, 0, [0, 0, 0, 0]);
+    bindTarget(targets.sums); gl.clearBufferfv(gl.COLOR, 0, [0, 0, 0, 0]);
+    use("gather", softSphere, { front: targets.front.color }); drawParticles();
+    gl.disable(gl.BLEND); bindTarget(targets.waterDepth);
+    use("surface", softSphere, { front: targets.front.color, sums: targets.sums.color }); drawScreen();
+    bindTarget(targets.thickness); gl.clearBufferfv(gl.COLOR, 0, [0, 0, 0, 0]);
     gl.enable(gl.BLEND); gl.blendFunc(gl.ONE, gl.ONE);
     use("thickness", { ...values, radius: header.radius * 1.9 }); drawParticles();
     gl.disable(gl.BLEND);
     const lensY = Math.tan(fov / 2);
-    into(null, w, h);
+    bindTarget(null, w, h);
     use("compose", { view, lift: LIFT, lens: [lensY * aspect, lensY], range: [near, far] },
-      { scene: targets.scene.color, sceneDepth: targets.scene.depth, fluid: targets.fluid.color, waterDepth: targets.water.color });
-    fill();
+      { scene: targets.scene.color, sceneDepth: targets.scene.depth, waterDepth: targets.waterDepth.color, waterThickness: targets.thickness.color });
+    drawScreen();
   }
 
-  // ---- time and hands
+  // ---- time, keys and pointers
   const bar = document.getElementById("time"), clock = document.getElementById("clock"), button = document.getElementById("play"), speed = document.getElementById("speed");
-  const last = header.frameTime * (header.frames - 1), wanted = new URLSearchParams(location.hash.slice(1));
-  let time = Math.min(parseFloat(wanted.get("t")) || 0, last), playing = !wanted.has("t"), then = null, dirty = true;
-  if (wanted.has("look") && canWater) look.value = wanted.get("look") === "speed" ? "speed" : "water";
+  const last = header.frameTime * (header.frames - 1), options = new URLSearchParams(location.hash.slice(1));
+  let time = Math.min(parseFloat(options.get("t")) || 0, last), playing = !options.has("t"), lastTick = null, dirty = true;
+  if (options.has("style") && hasWater) style.value = options.get("style") === "speed" ? "speed" : "water";
   bar.max = last || 1;
   const setPlaying = (on) => { if (on && time >= last) time = 0; playing = on; button.innerHTML = on ? "&#10074;&#10074;" : "&#9654;"; dirty = true; };
   button.onclick = () => setPlaying(!playing);
   bar.oninput = () => { time = parseFloat(bar.value); setPlaying(false); };
-  look.onchange = () => { dirty = true; };
+  style.onchange = () => { dirty = true; };
   window.addEventListener("resize", () => { dirty = true; });
   window.addEventListener("keydown", (e) => {
     if (e.target === bar || e.target.tagName === "SELECT") return;
     if (e.code === "Space") { e.preventDefault(); button.blur(); setPlaying(!playing); }
     if (e.code === "ArrowRight" || e.code === "ArrowLeft") { setPlaying(false); time = Math.min(Math.max(time + (e.code === "ArrowRight" ? 1 : -1) * header.frameTime, 0), last); }
   });
-  const held = new Map(); let pinch = 0;
+  const pointers = new Map(); let pinch = 0;
   canvas.addEventListener("contextmenu", (e) => e.preventDefault());
-  canvas.addEventListener("pointerdown", (e) => { canvas.setPointerCapture(e.pointerId); held.set(e.pointerId, [e.clientX, e.clientY, e.button]); pinch = 0; });
-  for (const name of ["pointerup", "pointercancel"]) canvas.addEventListener(name, (e) => { held.delete(e.pointerId); pinch = 0; });
+  canvas.addEventListener("pointerdown", (e) => { canvas.setPointerCapture(e.pointerId); pointers.set(e.pointerId, [e.clientX, e.clientY, e.button]); pinch = 0; });
+  for (const name of ["pointerup", "pointercancel"]) canvas.addEventListener(name, (e) => { pointers.delete(e.pointerId); pinch = 0; });
   canvas.addEventListener("pointermove", (e) => {
-    const old = held.get(e.pointerId); if (!old) return;
-    const dx = e.clientX - old[0], dy = e.clientY - old[1]; held.set(e.pointerId, [e.clientX, e.clientY, old[2]]); dirty = true;
-    if (held.size === 2) {
-      const [a, b] = [...held.values()], apart = Math.hypot(a[0] - b[0], a[1] - b[1]);
-      if (pinch) orbit.distance = Math.min(Math.max(orbit.distance * pinch / apart, 0.3), 20);
-      pinch = apart; return;
+    const old = pointers.get(e.pointerId); if (!old) return;
+    const dx = e.clientX - old[0], dy = e.clientY - old[1]; pointers.set(e.pointerId, [e.clientX, e.clientY, old[2]]); dirty = true;
+    if (pointers.size === 2) {
+      const [a, b] = [...pointers.values()], span = Math.hypot(a[0] - b[0], a[1] - b[1]);
+      if (pinch) orbit.distance = Math.min(Math.max(orbit.distance * pinch / span, 0.3), 20);
+      pinch = span; return;
     }
     if (old[2] === 2 || e.shiftKey) {
       const a = orbit.azimuth, scale = orbit.distance * 2 * Math.tan(fov / 2) / canvas.clientHeight;
@@ -375,8 +374,8 @@ function main(data) {
   canvas.addEventListener("wheel", (e) => { e.preventDefault(); orbit.distance = Math.min(Math.max(orbit.distance * Math.exp(e.deltaY * 0.001), 0.3), 20); dirty = true; }, { passive: false });
   setPlaying(playing);
   function tick(now) {
-    if (playing && then !== null) { time += Math.min((now - then) / 1000, 0.1) * parseFloat(speed.value); if (time >= last) { time = last; setPlaying(false); } }
-    then = now;
+    if (playing && lastTick !== null) { time += Math.min((now - lastTick) / 1000, 0.1) * parseFloat(speed.value); if (time >= last) { time = last; setPlaying(false); } }
+    lastTick = now;
     bar.value = time; clock.textContent = time.toFixed(2) + " / " + last.toFixed(2) + " s";
     if (playing || dirty || Math.abs(time - tick.drawn) > 1e-9) { dirty = false; tick.drawn = time; draw(time); }
     requestAnimationFrame(tick);
@@ -384,4 +383,4 @@ function main(data) {
   requestAnimationFrame(tick);
 }
 
-unpack().then(main).catch((error) => { say("This page could not be shown: " + error.message); console.error(error); });
+unpack().then(main).catch((error) => { showMessage("This page could not be shown: " + error.message); console.error(error); });

@@ -6,7 +6,7 @@ import re
 import numpy as np
 import pytest
 
-from surfsup.viewing.viewer import write_page
+from surfsup.viewing.web_player import write_web_player
 
 POSITIONS = np.random.default_rng(0).uniform([-0.5, -0.5, 0], [0.5, 0.5, 2], (7, 50, 3)).astype(np.float32)
 
@@ -17,33 +17,33 @@ def contents(page):
     return header, body
 
 
-def test_the_page_holds_the_trajectory_and_the_solid(tmp_path, ball):
-    seen = []
-    write_page(tmp_path / "p.html", POSITIONS, ball, (1, 1, 2), 0.015, 0.005, lambda *a: seen.append(a))
+def test_the_page_contains_the_trajectory_and_the_solid(tmp_path, ball):
+    calls = []
+    write_web_player(tmp_path / "p.html", POSITIONS, ball, (1, 1, 2), 0.015, 0.005, lambda *call: calls.append(call))
     header, body = contents((tmp_path / "p.html").read_text())
     assert header["frames"] == 7 and header["particles"] == 50 and header["faces"] == len(ball.faces)
     differences = np.frombuffer(body[-7 * 50 * 3 * 2 :], "<u2").reshape(7, 50, 3)
     grid = np.cumsum(differences, axis=0, dtype=np.uint16)
     np.testing.assert_allclose(grid / 65535 * header["extent"] + header["low"], POSITIONS, atol=2e-5)
     assert len(body) == 4 * 3 * (header["faces"] + 2 * header["vertices"]) + 7 * 50 * 3 * 2
-    assert seen[-1] == (7, 7)
+    assert calls[-1] == (7, 7)
 
 
-def test_the_page_asks_for_nothing_from_a_network(tmp_path, ball):
-    write_page(tmp_path / "p.html", POSITIONS, ball, (1, 1, 2), 0.015)
+def test_the_page_needs_no_network(tmp_path, ball):
+    write_web_player(tmp_path / "p.html", POSITIONS, ball, (1, 1, 2), 0.015)
     page = (tmp_path / "p.html").read_text()
     assert not re.search(r"https?:|<link[^>]+href=\"(?!data:)|<script[^>]+src|fetch\(|import\(|@import", page)
     assert "__DATA__" not in page and "__SCRIPT__" not in page
 
 
-def test_long_trajectories_are_thinned_and_keep_their_pace(tmp_path):
+def test_long_trajectories_are_subsampled_and_keep_their_duration(tmp_path):
     long = np.zeros((800, 10_000, 3), np.float32)
-    write_page(tmp_path / "p.html", long, None, (1, 1, 2), 0.015, 0.005)
+    write_web_player(tmp_path / "p.html", long, None, (1, 1, 2), 0.015, 0.005)
     header, _ = contents((tmp_path / "p.html").read_text())
     assert header["frames"] * header["particles"] * 6 <= 10_100_000
     assert header["frames"] * header["frameTime"] == pytest.approx(4.0, rel=0.02)
 
 
-def test_wrong_shapes_are_refused(tmp_path):
+def test_wrong_shapes_are_rejected(tmp_path):
     with pytest.raises(ValueError, match="frames, particles, 3"):
-        write_page(tmp_path / "p.html", POSITIONS[0], None, (1, 1, 2), 0.015)
+        write_web_player(tmp_path / "p.html", POSITIONS[0], None, (1, 1, 2), 0.015)

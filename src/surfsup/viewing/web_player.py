@@ -1,0 +1,118 @@
+"""One web page that plays a trajectory. It opens from disk and needs no network and no server.
+
+The page is a small WebGL program of its own (``pages/player.js``). The exported scene of viser would draw points
+instead of water, and has 2 MB of code before the first particle.
+"""
+
+import base64
+import gzip
+import json
+from collections.abc import Callable
+from importlib.resources import files
+from pathlib import Path
+
+import numpy as np
+import trimesh
+
+from surfsup.viewing.camera import FIELD_OF_VIEW, fit_camera
+from surfsup.viewing.html_page import write_html
+
+_MAX_BYTES = 10_000_000  # of positions before compression, which halves them
+_MAX_PARTICLES = 40_000
+_MAX_FACES = 120_000
+_VIEW_SIZE = (1200, 900)  # pixels; only the aspect ratio matters
+
+
+def write_web_player(
+    path: str | Path,
+    positions: np.ndarray,
+    solid: trimesh.Trimesh | None,
+    container_size: tuple[float, float, float],
+    particle_radius: float,
+    frame_time: float = 0.005,
+    progress: Callable[[int, int], None] = lambda done, total: None,
+) -> None:
+    """Write the page that plays ``positions`` at ``path``.
+
+    Long trajectories keep every n-th frame, and the page interpolates between them. Of too many particles every n-th is
+    shown. Positions are quantized to 1/65535 of their extent, 0.03 mm in two meters.
+
+    Args:
+        path: of the page; missing folders are made.
+        positions: (frames, particles, 3), meters.
+        solid: the mesh of the solid, or None.
+        container_size: (x, y, z), meters; x and y are centered on 0, the floor is at z = 0.
+        particle_radius: half the particle spacing, meters.
+        frame_time: seconds.
+        progress: called with the numbers of finished and of all frames.
+
+    Raises:
+        ValueError: ``positions`` has another shape, or no frames or particles.
+    """
+    positions = np.asarray(positions)
+    if positions.ndim != 3 or positions.shape[2] != 3 or 0 in positions.shape:
+        raise ValueError(f"positions must be (frames, particles, 3), none of them 0; they are {positions.shape}")
+    positions, stride = _subsample(positions)
+    differences, low, extent = _quantize(positions, progress)
+    mesh = _simplify(solid) if solid is not None else trimesh.Trimesh()
+    bounds = np.asarray(mesh.bounds) if len(mesh.faces) else None
+    camera = fit_camera(container_size, bounds, positions[0], _VIEW_SIZE)
+    header = {
+        "frames": len(positions), "particles": positions.shape[1], "frameTime": frame_time * stride,
+        "radius": particle_radius, "container": list(map(float, container_size)),
+        "low": low.tolist(), "extent": extent.tolist(),
+        "vertices": len(mesh.vertices), "faces": len(mesh.faces),
+        "eye": camera.eye.tolist(), "target": camera.target.tolist(),
+        "fov": FIELD_OF_VIEW, "aspect": _VIEW_SIZE[0] / _VIEW_SIZE[1],
+    }  # fmt: skip
+    body = b"".join([
+        np.asarray(mesh.faces, "<u4").tobytes(),
+        np.asarray(mesh.vertices, "<f4").tobytes(),
+        np.asarray(mesh.vertex_normals if len(mesh.faces) else [], "<f4").tobytes(),
+        differences.tobytes(),
+    ])  # fmt: skip
+    pages = files("surfsup.viewing") / "pages"
+    path = Path(path)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    values = {
+        "SCRIPT": (pages / "player.js").read_text(encoding="utf-8"),
+        "HEADER": json.dumps(header),
+        "DATA": base64.b64encode(gzip.compress(body, 6, mtime=0)).decode(),
+    }
+    write_html(path, pages / "player.html", values)
+
+
+def _subsample(positions: np.ndarray) -> tuple[np.ndarray, int]:
+    """Fewer particles and frames of (F, N, 3), and the stride between the kept frames."""
+    positions = positions[:, :: -(-positions.shape[1] // _MAX_PARTICLES)]
+    stride = max(1, -(-positions.size * 2 // _MAX_BYTES))
+    return positions[::stride], stride
+
+
+def _quantize(positions: np.ndarray, progress: Callable[[int, int], None]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """16-bit differences from frame to frame (F, N, 3), modulo 2**16, and corner and extent (3,) of their grid."""
+    finite = np.where(np.isfinite(positions), positions, 0.0)
+    low = finite.min((0, 1)).astype(np.float64)
+    extent = np.maximum(finite.max((0, 1)) - low, 1e-6)
+    differences = np.empty(positions.shape, "<u2")
+    previous = np.zeros(positions.shape[1:], np.uint16)
+    for frame, points in enumerate(finite):
+        current = np.rint((points - low) / extent * 65535).astype(np.uint16)
+        differences[frame] = current - previous  # wraps around, and so does the sum in the page
+        previous = current
+        progress(frame + 1, len(positions))
+    return differences, low, extent
+
+
+def _simplify(solid: trimesh.Trimesh) -> trimesh.Trimesh:
+    """The solid with normals split at sharp edges; vertices of a very fine mesh are merged on a grid."""
+    mesh = solid
+    if len(mesh.faces) > _MAX_FACES:
+        # The merged triangles are about as large as a cell, so about this many cover the surface.
+        cell = float(np.sqrt(2.0 * mesh.area / _MAX_FACES))
+        cells = np.rint((mesh.vertices - mesh.bounds[0]) / cell).astype(np.int64)
+        _, first, inverse = np.unique(cells, axis=0, return_index=True, return_inverse=True)
+        faces = inverse.ravel()[mesh.faces]
+        valid = (faces[:, 0] != faces[:, 1]) & (faces[:, 1] != faces[:, 2]) & (faces[:, 0] != faces[:, 2])
+        mesh = trimesh.Trimesh(mesh.vertices[first], faces[valid], process=False)
+    return trimesh.graph.smooth_shade(mesh, angle=np.radians(40.0)) if len(mesh.faces) else mesh

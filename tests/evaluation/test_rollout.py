@@ -1,0 +1,38 @@
+import numpy as np
+import pytest
+
+from surfsup.evaluation.evaluate import evaluate_trajectory
+from surfsup.evaluation.rollout import write_rollout
+from surfsup.evaluation.scores import ALL
+from surfsup.io.trajectory import Trajectory
+from surfsup.sph.solver import DfsphSolver
+from tests.evaluation.scenes import FRAMES, Replay, free_fall
+
+
+def test_a_rollout_file_has_the_reference_s_start_scene_and_length(reference, tmp_path):
+    calls = []
+    share = write_rollout(tmp_path / "out.h5", DfsphSolver(), "ballistic", reference, FRAMES, progress=calls.append)
+    with Trajectory(tmp_path / "out.h5") as rollout:
+        np.testing.assert_array_equal(rollout.positions[0], reference.positions[0])
+        np.testing.assert_allclose(rollout.positions[:], reference.positions[:], atol=3e-5)
+        assert (rollout.provenance.simulator, rollout.scene.frames, len(rollout)) == ("ballistic", FRAMES, FRAMES)
+    assert calls == list(range(1, FRAMES + 1))
+    assert share == 0
+
+
+def test_the_collided_share_is_a_mean_over_frames(reference, tmp_path):
+    replay = Replay(reference.positions[:], reference.velocities[:], collided=True)
+    assert write_rollout(tmp_path / "out.h5", replay, "replay", reference, FRAMES) == 1
+
+
+@pytest.mark.parametrize("spoiled", [0, 1], ids=["positions", "velocities"])
+def test_a_diverged_rollout_is_as_long_as_the_reference_and_its_particles_are_lost(reference, tmp_path, spoiled):
+    frames = list(free_fall())
+    frames[spoiled][8, 3] = np.nan
+    write_rollout(tmp_path / "out.h5", Replay(*frames), "replay", reference, FRAMES)
+    with Trajectory(tmp_path / "out.h5") as rollout:
+        assert len(rollout) == FRAMES
+        assert np.isnan(rollout.positions[8:]).all()
+    evaluation = evaluate_trajectory(tmp_path / "out.h5", tmp_path / "00000.h5")
+    assert evaluation.scores[ALL]["chamfer"] is None
+    assert evaluation.scores[ALL]["lost"] == (FRAMES - 8) * reference.positions.shape[1]
