@@ -3,42 +3,42 @@ from surfsup.splishsplash import solver
 from surfsup.viewing import graphics
 
 
-def test_everything_is_looked_at_and_what_is_fine_needs_no_remedy():
-    findings = doctor.examine()
-    assert [finding.what for finding in findings] == [
-        "Python", "torch", "native step", "processor", "models", "neural surfaces", "pictures",
+def test_everything_is_checked_and_a_passed_check_has_no_remedy():
+    checks = doctor.run_checks()
+    assert [check.name for check in checks] == [
+        "Python", "torch", "native code", "processor", "weights", "neural surfaces", "graphics",
         "reference solver", "disk",
     ]  # fmt: skip
-    assert all(not finding.remedy for finding in findings if finding.fine)
+    assert all(not check.remedy for check in checks if check.passed)
 
 
-def test_missing_graphics_are_mended_by_their_packages(monkeypatch):
+def test_the_remedy_for_missing_graphics_is_to_install_the_packages(monkeypatch):
     monkeypatch.setattr(graphics, "missing_packages", lambda: ["libegl1"])
-    finding = doctor.pictures()
-    assert not finding.fine
-    assert finding.remedy == "apt-get install libegl1"
+    check = doctor.check_graphics()
+    assert not check.passed
+    assert check.remedy == "apt-get install libegl1"
 
 
-def test_a_missing_solver_is_mended_by_its_command(monkeypatch):
+def test_the_remedy_for_a_missing_solver_is_the_command_of_its_error(monkeypatch):
     def refuse():
         raise solver.InputError(
             "the reference solver needs libGL.so.1, which this system lacks: apt-get install libgl1"
         )
 
-    monkeypatch.setattr(solver, "require", refuse)
-    finding = doctor.reference_solver()
-    assert not finding.fine
-    assert finding.remedy == "apt-get install libgl1"
+    monkeypatch.setattr(solver, "check_installed", refuse)
+    check = doctor.check_reference_solver()
+    assert not check.passed
+    assert check.remedy == "apt-get install libgl1"
 
 
-def test_a_package_built_without_a_compiler_says_what_it_costs_and_how_to_mend_it(monkeypatch):
+def test_a_package_built_without_a_compiler_is_reported_with_its_cost_and_remedy(monkeypatch):
     monkeypatch.setattr(native, "instruction_sets", list)
-    finding = doctor.native_step()
-    assert not finding.fine
-    assert "several times as long" in finding.found
-    assert "apt-get install g++ python3-dev" in finding.remedy
+    check = doctor.check_native_code()
+    assert not check.passed
+    assert "several times as long" in check.found
+    assert "apt-get install g++ python3-dev" in check.remedy
 
 
-def test_a_native_step_is_named_by_its_instruction_set(monkeypatch):
+def test_native_code_is_reported_with_its_instruction_set(monkeypatch):
     monkeypatch.setattr(native, "instruction_sets", lambda: ["avx2", "plain"])
-    assert doctor.native_step().found == "built, uses avx2"
+    assert doctor.check_native_code().found == "built, uses avx2"

@@ -1,4 +1,4 @@
-"""What this machine has and lacks for surfsup, and the command that mends it."""
+"""Checks of what this machine provides for surfsup, with the commands that fix what is missing."""
 
 from __future__ import annotations
 
@@ -12,112 +12,108 @@ from importlib.metadata import PackageNotFoundError, version
 from surfsup import __version__
 from surfsup.errors import InputError
 
+REINSTALL = "pip install --force-reinstall surfsup"
+
 
 @dataclass(frozen=True)
-class Finding:
-    """One thing looked at.
+class Check:
+    """The result of one check.
 
     Attributes:
-        what: it is.
-        fine: whether it is as surfsup needs it.
-        found: what is there.
-        remedy: the command that mends it, empty where nothing is wrong.
+        name: what was checked.
+        passed: whether surfsup can use it.
+        found: what this machine has.
+        remedy: the command that fixes a failure, empty if the check passed.
     """
 
-    what: str
-    fine: bool
+    name: str
+    passed: bool
     found: str
     remedy: str = ""
 
 
-def examine() -> list[Finding]:
-    """Look at everything that surfsup needs."""
-    shipped = [models(), surfaces()]
-    return [python(), torch_build(), native_step(), processor(), *shipped, pictures(), reference_solver(), disk()]
+def run_checks() -> list[Check]:
+    """Check everything that surfsup uses."""
+    shipped = [check_weights(), check_neural_surfaces()]
+    hardware = [check_python(), check_torch(), check_native_code(), check_processor()]
+    return [*hardware, *shipped, check_graphics(), check_reference_solver(), check_disk()]
 
 
-def python() -> Finding:
+def check_python() -> Check:
     """The interpreter."""
-    return Finding("Python", True, f"{platform.python_version()} at {sys.executable}; surfsup {__version__}")
+    return Check("Python", True, f"{platform.python_version()} at {sys.executable}; surfsup {__version__}")
 
 
-def torch_build() -> Finding:
-    """torch, and whether it sees a GPU."""
+def check_torch() -> Check:
+    """Whether torch uses the GPU, if there is one."""
     import torch
 
     if torch.cuda.is_available():
-        return Finding("torch", True, f"{torch.__version__}, computes on {torch.cuda.get_device_name()}")
-    has_card = os.path.exists("/dev/nvidiactl")
+        return Check("torch", True, f"{torch.__version__}, computes on {torch.cuda.get_device_name()}")
     found = f"{torch.__version__}, computes on the CPU with {torch.get_num_threads()} threads"
-    if has_card:
-        return Finding("torch", False, f"{found}, though there is an NVIDIA GPU", "see 'GPU' in docs/install.md")
-    return Finding("torch", True, found)
+    if os.path.exists("/dev/nvidiactl"):
+        return Check("torch", False, f"{found}, although there is an NVIDIA GPU", "see 'GPU' in docs/install.md")
+    return Check("torch", True, found)
 
 
-def native_step() -> Finding:
-    """The convolution's step in C++."""
+def check_native_code() -> Check:
+    """The C++ code of the solver."""
     from surfsup import native
 
     if native.instruction_sets():
-        return Finding("native step", True, f"built, uses {native.instruction_sets()[0]}")
-    return Finding(
-        "native step",
+        return Check("native code", True, f"built, uses {native.instruction_sets()[0]}")
+    return Check(
+        "native code",
         False,
-        "not built, for want of a C++ compiler: on a CPU a frame takes several times as long",
-        "apt-get install g++ python3-dev, then surfsup anew: rm -f .venv/ready && make setup",
+        "not built, because there was no C++ compiler: on a CPU a frame takes several times as long",
+        "apt-get install g++ python3-dev, then reinstall surfsup: rm -f .venv/ready && make setup",
     )
 
 
-def processor() -> Finding:
-    """Cores that this process may use."""
-    return Finding("processor", True, f"{len(os.sched_getaffinity(0))} cores, {platform.machine()}")
+def check_processor() -> Check:
+    """The cores that this process may use."""
+    return Check("processor", True, f"{len(os.sched_getaffinity(0))} cores, {platform.machine()}")
 
 
-def models() -> Finding:
-    """The weights that come with the package."""
-    from surfsup.learned.weights_file import shipped
+def check_weights() -> Check:
+    """The weights of learned simulators in the package."""
+    from surfsup.learned import weights_file
 
-    names = ", ".join(shipped())
-    return Finding(
-        "models",
-        bool(names),
-        names or "none shipped",
-        "" if names else "pip install --force-reinstall surfsup",
-    )
+    names = ", ".join(weights_file.shipped())
+    return Check("weights", bool(names), names or "none in the package", "" if names else REINSTALL)
 
 
-def surfaces() -> Finding:
-    """The neural surfaces that come with the package."""
+def check_neural_surfaces() -> Check:
+    """The neural surfaces in the package."""
     from surfsup.sdf.neural.shipped_surfaces import shipped_surfaces
 
     names = ", ".join(shipped_surfaces())
-    remedy = "" if names else "pip install --force-reinstall surfsup"
-    return Finding("neural surfaces", bool(names), names or "none shipped", remedy)
+    return Check("neural surfaces", bool(names), names or "none in the package", "" if names else REINSTALL)
 
 
-def pictures() -> Finding:
-    """The graphics libraries that pictures and videos need."""
+def check_graphics() -> Check:
+    """The graphics libraries for pictures and videos."""
     from surfsup.viewing.graphics import missing_packages
 
     missing = missing_packages()
     if missing:
-        return Finding("pictures", False, "graphics libraries missing", f"apt-get install {' '.join(missing)}")
-    return Finding("pictures", True, f"pyvista {version('pyvista')} draws off-screen by EGL")
+        return Check("graphics", False, "libraries for off-screen rendering", f"apt-get install {' '.join(missing)}")
+    return Check("graphics", True, f"pyvista {version('pyvista')} renders off-screen with EGL")
 
 
-def reference_solver() -> Finding:
+def check_reference_solver() -> Check:
     """SPlisHSPlasH."""
     from surfsup.splishsplash import solver
 
     try:
-        solver.require()
-        return Finding("reference solver", True, f"pySPlisHSPlasH {version('pysplishsplash')}")
+        solver.check_installed()
+        return Check("reference solver", True, f"pySPlisHSPlasH {version('pysplishsplash')}")
     except (InputError, PackageNotFoundError) as error:
-        what, _, remedy = str(error).rpartition(": ")
-        return Finding("reference solver", False, what or str(error), remedy)
+        problem, _, remedy = str(error).rpartition(": ")
+        return Check("reference solver", False, problem or str(error), remedy)
 
 
-def disk() -> Finding:
-    """Room for trajectories in the current folder."""
+def check_disk() -> Check:
+    """Space for trajectories in the current folder."""
     free = shutil.disk_usage(".").free / 1e9
-    return Finding("disk", free > 1, f"{free:.0f} GB free here; 800 frames of 2,700 particles take about 40 MB")
+    return Check("disk", free > 1, f"{free:.0f} GB free here; 800 frames of 2,700 particles take about 40 MB")

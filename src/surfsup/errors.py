@@ -1,15 +1,16 @@
-"""What goes wrong, as one line: a user's mistake, or a computation that failed."""
+"""Errors whose message is a single line for the user."""
 
 
 class InputError(ValueError):
-    """Something the user gave cannot be used; the message is one line fit to be shown as it is.
+    """The user's input is unusable.
 
-    The command line prints the message without a traceback and exits with status 2.
+    The message is one line: what, where, and how to fix it. The command line prints it without a traceback and exits
+    with status 2.
     """
 
 
 class SimulationError(RuntimeError):
-    """A simulation or a training run could not go on, through no mistake of the user's; the message is one line.
+    """A simulation or a training run failed, although the input is valid.
 
-    The command line prints the message without a traceback and exits with status 1.
+    The message is one line. The command line prints it without a traceback and exits with status 1.
     """

@@ -1,4 +1,4 @@
-"""The program as a user runs it: in a process of its own, by its files and its exit status."""
+"""The program as users run it: in a process of its own, by its output files and its exit status."""
 
 import json
 import os
@@ -15,6 +15,7 @@ import torch
 import trimesh
 from safetensors.torch import save_file
 
+from surfsup import __version__
 from surfsup.io.trajectory import Trajectory
 from surfsup.learned import weights_file
 from surfsup.learned.training_domain import TrainingDomain
@@ -64,7 +65,7 @@ def test_water_on_a_mesh_leaves_trajectory_page_video_and_summary(tmp_path):
         assert sum(1 for _ in video.decode(video=0)) > 1
 
 
-def test_learned_and_reference_start_alike_and_agree_in_free_fall(scene, tmp_path):
+def test_simulator_and_reference_start_alike_and_agree_in_free_fall(scene, tmp_path):
     for verb in ("simulate", "reference"):
         done = surfsup(verb, scene, "-o", tmp_path / verb, "--no-page", "--no-video", "--frames", 4)
         assert done.returncode == 0, done.stderr
@@ -73,7 +74,7 @@ def test_learned_and_reference_start_alike_and_agree_in_free_fall(scene, tmp_pat
         np.testing.assert_allclose(a.positions[-1], b.positions[-1], atol=2e-3)
 
 
-def test_a_picture_of_a_frame_and_the_page_can_be_made_later(scene, tmp_path):
+def test_page_and_pictures_can_be_made_later(scene, tmp_path):
     out = tmp_path / "out"
     surfsup("simulate", scene, "-o", out, "--no-page", "--no-video", "--frames", 3)
     assert not (out / "page.html").exists()
@@ -85,10 +86,10 @@ def test_a_picture_of_a_frame_and_the_page_can_be_made_later(scene, tmp_path):
     assert (refused.returncode, "has the frames 0 to 2" in refused.stderr) == (2, True)
 
 
-def test_a_model_is_judged_into_a_report_and_its_rollout_can_be_compared_again(tmp_path):
+def test_an_evaluation_writes_a_report_and_its_rollout_can_be_compared_again(tmp_path):
     truth = write(tmp_path / "falls/00000.h5", *free_fall())
     (tmp_path / "falls/broken.h5").write_text("not HDF5")
-    done = surfsup("evaluate", "fast", tmp_path / "falls", "-o", tmp_path / "report", "--no-video")
+    done = surfsup("evaluate", "dfsph", tmp_path / "falls", "-o", tmp_path / "report", "--no-video")
     assert done.returncode == 0, done.stderr
     assert "no floor (make it with 'surfsup floor" in done.stdout
     assert "1 skipped" in done.stdout
@@ -101,112 +102,118 @@ def test_a_model_is_judged_into_a_report_and_its_rollout_can_be_compared_again(t
 
 
 @pytest.mark.parametrize(
-    ("arguments", "complaint"),
+    ("arguments", "message"),
     [
         (["simulat"], "Did you mean 'simulate'"),
         (["simulate"], "Missing argument"),
         (["simulate", "nothing.obj"], "nothing.obj"),
         (["simulate", "SCENE", "--frames", "0"], "greater than or equal to 1"),
-        (["simulate", "SCENE", "--model", "nobody"], "there is no model 'nobody'"),
+        (["simulate", "SCENE", "--simulator", "absent"], "there is no simulator 'absent'"),
+        (["simulate", "SCENE", "--fit", "0.7"], "a scene file places everything itself; omit --fit"),
+        (["simulate", "SCENE", "--no-fit"], "a scene file places everything itself; omit --no-fit"),
+        (["simulate", "SCENE", "--up", "w"], "Invalid value for '--up'"),
+        (["simulate", "ball.stl", "--block-min", "0", "0", "1"], "give both --block-min and --block-max"),
+        (["simulate", "ball.stl", "--container", "1", "1", "0"], "Container: size.2: Input should be greater than 0"),
         (["simulate", "SCENE", "--device", "tpu"], "there is no device 'tpu'"),
-        (["simulate", "SCENE", "--up", "y"], "a scene file places everything itself"),
+        (["simulate", "SCENE", "--up", "y"], "a scene file places everything itself; omit --up"),
         (["simulate", "SCENE", "-o", "SCENE"], "cannot be used as the output folder"),
         (["generate", "nothing", "-o", "data", "-n", "1"], "there is no recipe 'nothing'"),
         (["generate", "prim-shapes", "-o", "data", "-n", "0"], "at least 1"),
         (["train", "nothing", "--data", ".", "--validation", ".", "-o", "run"], "no training preset"),
         (["train", "sursup", "--data", ".", "--validation", ".", "-o", "run"], "did you mean 'surfsup'"),
         (["train", "surfsup", "--data", "OTHER", "--validation", ".", "-o", "run"], "0.015 m, so take other data"),
-        (["evaluate", "fast", "OTHER", "-o", "report"], "0.015 m, so take other data"),
+        (["evaluate", "dfsph", "OTHER", "-o", "report"], "0.015 m, so take other data"),
         (["evaluate", "old.safetensors", "OTHER", "-o", "report"], "not weights of a simulator of this version"),
         (["compare", "OTHER/00000.h5", "OTHER/00000.h5"], "0.015 m, so take other data"),
-        (["evaluate", "fast", ".", "--frames", "0"], "greater than or equal to 1"),
-        (["train", "fast", "--data", ".", "--validation", ".", "-o", "run", "--time", "soon"], "length of time"),
-        (["train", "fast", "width", "--data", ".", "--validation", ".", "-o", "run"], "key=value"),
-        (["train", "fast", "widht=8", "--data", ".", "--validation", ".", "-o", "run"], "did you mean 'width'"),
-        (["train", "fast", "--data", ".", "--validation", ".", "-o", "run"], "no trajectories"),
-        (["train", "fast", "--validation", ".", "-o", "run"], "either --data DIR or --stream RECIPE"),
-        (["train", "fast", "--stream", "nothing", "--validation", ".", "-o", "run"], "no recipe 'nothing'"),
+        (["evaluate", "dfsph", ".", "--frames", "0"], "greater than or equal to 1"),
+        (["train", "surfsup", "--data", ".", "--validation", ".", "-o", "run", "--time", "soon"], "length of time"),
+        (["train", "surfsup", "width", "--data", ".", "--validation", ".", "-o", "run"], "key=value"),
+        (["train", "surfsup", "widht=8", "--data", ".", "--validation", ".", "-o", "run"], "did you mean 'width'"),
+        (["train", "surfsup", "--data", ".", "--validation", ".", "-o", "run"], "no trajectories"),
+        (["train", "surfsup", "--validation", ".", "-o", "run"], "either --data DIR or --stream RECIPE"),
+        (["train", "surfsup", "--stream", "nothing", "--validation", ".", "-o", "run"], "no recipe 'nothing'"),
         (["floor", "."], "no trajectories"),
-        (["evaluate", "fast", ".", "-o", "report"], "no trajectories"),
-        (["evaluate", "fast", ".", "--near", "nan"], "nan is not a length"),
+        (["evaluate", "dfsph", ".", "-o", "report"], "no trajectories"),
+        (["evaluate", "dfsph", ".", "--near", "nan"], "nan is not a length"),
         (["compare", "SCENE", "nothing.h5"], "not a trajectory"),
         (["compare", "nothing.h5", "SCENE"], "there is no such trajectory file"),
         (["view", "SCENE"], "not a trajectory"),
     ],
 )
-def test_a_mistake_gets_one_line_and_status_2_and_leaves_nothing(arguments, complaint, scene, tmp_path):
+def test_bad_input_prints_one_line_exits_with_status_2_and_writes_nothing(arguments, message, scene, tmp_path):
+    trimesh.creation.icosphere(1, 0.3).export(tmp_path / "ball.stl")
     save_file({"weight": torch.zeros(1)}, tmp_path / "old.safetensors", {"format": "surfsup-simulator-2"})
     with h5py.File(write(tmp_path / "OTHER/00000.h5", *free_fall(2), scene=FALL.with_frames(2)), "r+") as file:
         file.attrs["radius"] = 0.025
     before = sorted(os.listdir(tmp_path))
     done = surfsup(*[str(scene) if argument == "SCENE" else argument for argument in arguments], cwd=tmp_path)
     assert done.returncode == 2
-    assert complaint in done.stderr
+    assert message in done.stderr
     assert len(done.stderr.strip().splitlines()) == 1
     assert sorted(os.listdir(tmp_path)) == before
 
 
-def test_a_scene_unlike_those_of_training_is_warned_of(scene, tmp_path):
-    simulator, card = weights_file.load(weights_file.find(weights_file.DEFAULT_MODEL))
-    seen = TrainingDomain.of(Scene.load(scene), 1000, 5.0)
+def test_a_scene_outside_the_training_domain_causes_a_warning(scene, tmp_path):
+    simulator, card = weights_file.load(weights_file.find("surfsup"))
+    domain = TrainingDomain.from_scene(Scene.load(scene), 1000, 5.0)
     model = tmp_path / "model.safetensors"
-    weights_file.save(model, simulator, weights_file.Card(card.name, card.about, seen))
+    weights_file.save(model, simulator, weights_file.Card(card.name, card.about, domain))
     wide = tmp_path / "wide.yaml"
     wide.write_text(SCENE + "container: {size: [3, 1, 2]}")
-    for source, told in ((scene, 0), (wide, 1)):
+    for source, warnings in ((scene, 0), (wide, 1)):
         done = surfsup(
-            "simulate", source, "--model", model, "-o", tmp_path / "out", "--frames", 2, "--no-page", "--no-video"
+            "simulate", source, "--simulator", model, "-o", tmp_path / "out", "--frames", 2, "--no-page", "--no-video"
         )
         assert done.returncode == 0, done.stderr
-        assert done.stderr.count("not trained for a container of 3 x 1 x 2 m") == told
-        assert done.stderr.count("warning") == told
+        assert done.stderr.count("not trained for a container of 3 x 1 x 2 m") == warnings
+        assert done.stderr.count("warning") == warnings
 
 
-def test_without_its_guard_a_model_is_judged_into_another_folder_and_unseen_data_are_warned_of_once(tmp_path):
-    simulator, card = weights_file.load(weights_file.find(weights_file.DEFAULT_MODEL))
-    seen = TrainingDomain.of(FALL.model_copy(update={"surface": None}), 1000, 5.0)
-    weights_file.save(tmp_path / "model.safetensors", simulator, weights_file.Card(card.name, card.about, seen))
+def test_without_collisions_an_evaluation_has_its_own_folder_and_unknown_data_cause_one_warning(tmp_path):
+    simulator, card = weights_file.load(weights_file.find("surfsup"))
+    domain = TrainingDomain.from_scene(FALL.model_copy(update={"surface": None}), 1000, 5.0)
+    weights_file.save(tmp_path / "model.safetensors", simulator, weights_file.Card(card.name, card.about, domain))
     for name in ("falls/00000.h5", "falls/00001.h5", "falls/00002.h5"):
         write(tmp_path / name, *free_fall())
     done = surfsup(
-        *("evaluate", "model.safetensors", "falls", "--no-guard", "--scenes", 2, "--frames", 5, "--no-video"),
+        *("evaluate", "model.safetensors", "falls", "--no-collisions", "--scenes", 2, "--frames", 5, "--no-video"),
         cwd=tmp_path,
     )
     assert done.returncode == 0, done.stderr
     assert "falls: 2 scenes, no floor" in done.stdout
-    assert "'fast' without the guard, the first 5 frames" in done.stdout
-    assert done.stderr.count("warning: falls: the weights were not trained for a solid of kind 'sphere' (2 of 2") == 1
+    assert "surfsup without collision handling, the first 5 frames" in done.stdout
+    assert done.stderr.count("warning: falls: the weights were not trained for a surface of kind 'sphere' (2 of 2") == 1
     assert done.stderr.count("warning") == 1
-    report = json.loads((tmp_path / "out/report-fast-no-guard/report.json").read_text())
+    report = json.loads((tmp_path / "out/report-surfsup-no-collisions/report.json").read_text())
     assert (report["model"]["handle_collisions"], report["limits"]) == (False, {"scenes": 2, "frames": 5})
     assert [scene["frames"] for scene in report["scenes"]] == [5, 5]
 
 
-def hear_interrupts() -> None:
+def handle_interrupts() -> None:
     signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
 def test_an_interrupt_leaves_a_readable_trajectory_and_status_130(scene, tmp_path):
     out = tmp_path / "out"
     command = [sys.executable, "-m", "surfsup.cli", "simulate", str(scene), "-o", str(out), "--frames", "20000"]
-    # Where the tests themselves run in the background their children would be born deaf to it.
-    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True, preexec_fn=hear_interrupts) as running:
+    # Children of tests that run in the background would ignore the signal.
+    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True, preexec_fn=handle_interrupts) as running:
         deadline = time.monotonic() + 60
         written = 0
-        # Some frames, however busy the machine is.
+        # Wait for some frames, however busy the machine is.
         while written < 50_000 and running.poll() is None and time.monotonic() < deadline:
             time.sleep(0.2)
             written = (out / "trajectory.h5").stat().st_size if (out / "trajectory.h5").exists() else 0
         running.send_signal(signal.SIGINT)
-        _, told = running.communicate(timeout=60)
-    assert running.returncode == 130, told
-    assert "interrupted" in told
+        _, errors = running.communicate(timeout=60)
+    assert running.returncode == 130, errors
+    assert "interrupted" in errors
     with Trajectory(out / "trajectory.h5") as trajectory:
         assert len(trajectory) == json.loads((out / "summary.json").read_text())["frames"]
 
 
-def test_without_graphics_the_package_is_named_and_no_video_still_works(scene, tmp_path):
-    """Stands in for a machine without libEGL: the loader finds none."""
+def test_without_graphics_the_error_names_the_package_and_no_video_works(scene, tmp_path):
+    """Simulates a machine without libEGL, which the loader does not find."""
     script = (
         "import ctypes, sys\n"
         "real = ctypes.CDLL\n"
@@ -226,8 +233,17 @@ def test_without_graphics_the_package_is_named_and_no_video_still_works(scene, t
     assert made.returncode == 0, made.stderr
 
 
-def test_help_and_version_are_instant_and_every_verb_has_an_example():
-    assert surfsup("--version").stdout.strip()
-    verbs = "simulate reference generate floor train evaluate compare view render doctor"
+def test_version_works_and_every_verb_has_an_example():
+    assert surfsup("--version").stdout.strip() == __version__
+    verbs = "simulate reference generate floor train evaluate compare design view render doctor"
     for verb in verbs.split():
         assert f"surfsup {verb}" in surfsup(verb, "--help").stdout
+
+
+def test_help_and_version_import_nothing_heavy():
+    for option in ("--help", "--version"):
+        command = [sys.executable, "-X", "importtime", "-m", "surfsup.cli", option]
+        lines = subprocess.run(command, capture_output=True, text=True, check=True).stderr.splitlines()
+        imported = {line.rpartition("|")[2].strip() for line in lines}
+        assert "surfsup.cli.program" in imported
+        assert not imported & {"numpy", "torch", "scipy", "pydantic", "trimesh", "h5py", "pyvista", "rich"}

@@ -1,4 +1,4 @@
-"""`surfsup fit` as a user runs it: in a process of its own, by its files and its exit status."""
+"""`surfsup fit` as users run it: in a process of its own, by its output files and its exit status."""
 
 import signal
 import subprocess
@@ -12,7 +12,7 @@ from surfsup.sdf import load_deepsdf, load_siren
 from tests.cli.test_cli import surfsup
 
 SMALL = ("width=24", "layers=2", "batch=64", "frequency=10", "samples=2000")
-TINY = (*SMALL, "steps=40", "judge_every=20", "learning_rate=0.003")
+TINY = (*SMALL, "steps=40", "validate_every=20", "learning_rate=0.003")
 
 
 @pytest.fixture
@@ -22,7 +22,7 @@ def ball(tmp_path):
     return path
 
 
-def test_a_mesh_becomes_a_network_that_water_is_poured_on_and_a_fit_goes_on(ball, tmp_path):
+def test_water_is_poured_on_the_network_of_a_mesh(ball, tmp_path):
     out = tmp_path / "ball.safetensors"
     done = surfsup("fit", "siren", ball, "-o", out, *TINY)
     assert done.returncode == 0, done.stderr
@@ -42,10 +42,10 @@ def test_a_mesh_becomes_a_network_that_water_is_poured_on_and_a_fit_goes_on(ball
         assert file["00000/position"].shape[0] == 5
 
 
-def test_bowls_become_a_network_of_which_one_is_poured_on(tmp_path):
+def test_a_network_of_several_bowls_needs_the_name_of_one(tmp_path):
     out = tmp_path / "bowls.safetensors"
     done = surfsup(
-        "fit", "deepsdf", "bowls", "-n", 2, "-o", out, "width=24", "layers=2", "code=2", "steps=60", "judge_every=20"
+        "fit", "deepsdf", "bowls", "-n", 2, "-o", out, "width=24", "layers=2", "code=2", "steps=60", "validate_every=20"
     )
     assert done.returncode == 0, done.stderr
     assert load_deepsdf(out).names == ["bowl-0000", "bowl-0001"]
@@ -54,36 +54,36 @@ def test_bowls_become_a_network_of_which_one_is_poured_on(tmp_path):
     assert "holds 2 shapes; choose one by its name, as 'bowl-0000'" in several.stderr
 
 
-def test_an_interrupted_fit_keeps_its_checkpoint_and_goes_on(ball, tmp_path):
+def test_an_interrupted_fit_keeps_its_checkpoint_and_can_be_resumed(ball, tmp_path):
     out = tmp_path / "ball.safetensors"
-    long = [*SMALL, "steps=100000", "judge_every=10"]
+    long = [*SMALL, "steps=100000", "validate_every=10"]
     command = [sys.executable, "-m", "surfsup.cli", "fit", "siren", str(ball), "-o", str(out), *long]
     process = subprocess.Popen(command, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
     assert "step 10:" in process.stderr.readline()
     process.send_signal(signal.SIGTERM)
-    _, told = process.communicate(timeout=300)
-    assert process.returncode == 130, told
-    assert "what was finished is kept" in told
+    _, errors = process.communicate(timeout=300)
+    assert process.returncode == 130, errors
+    assert "finished work is kept" in errors
     assert out.is_file()
     resumed = surfsup("fit", "siren", ball, "-o", out, *long, "--resume", "--time", "1s")
     assert resumed.returncode == 0, resumed.stderr
 
 
 @pytest.mark.parametrize(
-    ("arguments", "complaint"),
+    ("arguments", "message"),
     [
         (("siren", "points.xyz", "-o", "a.safetensors"), "have no normals"),
         (("siren", "points.xyz", "-o", "a.safetensors", "widht=3"), "did you mean 'width'"),
         (("deepsdf", ".", "-o", "a.safetensors", "--up", "y"), "none of the 1 shapes can be used"),
     ],
 )
-def test_a_mistake_gets_one_line_and_status_2(tmp_path, arguments, complaint):
+def test_bad_input_prints_one_line_and_exits_with_status_2(tmp_path, arguments, message):
     (tmp_path / "points.xyz").write_text("0 0 0\n" * 200)
     if arguments[0] == "deepsdf":
         (tmp_path / "sheet.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 0.1\nf 1 2 3\nf 2 4 3\n")
     done = surfsup("fit", *arguments, cwd=tmp_path)
     assert done.returncode == 2, done.stderr
-    assert complaint in done.stderr
+    assert message in done.stderr
     assert "Traceback" not in done.stderr
     assert not (tmp_path / "a.safetensors").exists()
 

@@ -1,4 +1,4 @@
-"""The command line: arguments in, library calls, one clear line on an error; a file a verb or two."""
+"""The command line: it parses arguments, calls the library and prints errors as one line. One file per verb or two."""
 
 from surfsup.cli.program import main
 

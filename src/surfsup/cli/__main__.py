@@ -1,4 +1,4 @@
-"""The command line as `python -m surfsup.cli`."""
+"""The command line as ``python -m surfsup.cli``."""
 
 from surfsup.cli import main
 

@@ -1,4 +1,4 @@
-"""`surfsup compare`: one trajectory judged by another."""
+"""`surfsup compare`: the errors of one trajectory against another."""
 
 from __future__ import annotations
 
@@ -8,24 +8,26 @@ from typing import Annotated
 import typer
 
 from surfsup.cli.options import Near
-from surfsup.cli.progress import bar
+from surfsup.cli.progress import progress_bar
 
 
 def compare(
-    judged: Annotated[Path, typer.Argument(metavar="TRAJECTORY", help="What is judged.")],
-    truth: Annotated[Path, typer.Argument(metavar="TRUTH", help="What it is judged by, of the same scene.")],
+    prediction: Annotated[Path, typer.Argument(metavar="TRAJECTORY", help="The trajectory to evaluate.")],
+    reference: Annotated[Path, typer.Argument(metavar="REFERENCE", help="The reference, of the same scene.")],
     out: Annotated[Path | None, typer.Option("-o", "--out", help="A JSON file for the numbers and curves.")] = None,
     near: Near = 0.09,
 ) -> None:
-    """Judge one trajectory by another of the same scene, beside the floor where there is one.
+    """Evaluate one trajectory against another.
+
+    Both are of the same scene. The table shows the floor of the reference, if there is one.
 
     Example: surfsup compare out/bunny/trajectory.h5 out/bunny-truth/trajectory.h5
     """
-    from surfsup.evaluation.pair import judge_pair
+    from surfsup.evaluation.pair import evaluate_pair
     from surfsup.evaluation.report import make_folder, write_json
 
-    with bar("comparing") as tell:
-        pair = judge_pair(judged, truth, near, tell)
+    with progress_bar("comparing") as bar:
+        pair = evaluate_pair(prediction, reference, near, bar)
     typer.echo(pair.text())
     if out is not None:
         make_folder(out.parent)

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from surfsup.cli.options import Model, Seed
-from surfsup.cli.progress import bar, design_line
+from surfsup.cli.options import Seed, SimulatorName
+from surfsup.cli.progress import progress_bar
 from surfsup.cli.status import INTERRUPTED
 
 if TYPE_CHECKING:
@@ -30,7 +30,7 @@ def design(
     smooth: Annotated[
         float | None, typer.Option(min=0, help="Meters by which the water's start is moved at random, each time anew.")
     ] = None,
-    model: Model = None,
+    simulator_name: SimulatorName = "dfsph",
     seed: Seed = 0,
     resume: Annotated[bool, typer.Option("--resume", help="Go on from where the folder's run stopped.")] = False,
     rivals: Annotated[bool, typer.Option("--rivals", help="Compare with CMA-ES and random search.")] = False,
@@ -53,7 +53,7 @@ def design(
     if not no_video:
         require_graphics()
     if not no_proof:
-        solver.require()
+        solver.check_installed()
     tasks = asked_tasks(task, out, start, frames, deepsdf, shape)
     runs: list[DesignRun] = []
     named = model or weights_file.DEFAULT_MODEL
@@ -91,11 +91,11 @@ def finish(run: DesignRun, rivals: bool, no_proof: bool, no_video: bool) -> None
     typer.echo(f"shape         {', '.join(str(file) for file in files)}")
     typer.echo(f"figure        {draw_runs([run], folder / 'history.png')}")
     if not no_proof:
-        with bar("asking the reference solver") as tell:
+        with progress_bar("asking the reference solver") as tell:
             typer.echo(prove(run, tell).text())
     if rivals:
-        with bar("searching without gradients") as tell:
+        with progress_bar("searching without gradients") as tell:
             typer.echo(compare_rivals(run, not no_proof, tell))
     if not no_video:
-        with bar("drawing the video") as tell:
+        with progress_bar("drawing the video") as tell:
             typer.echo(f"video         {write_film(run, folder / 'design.mp4', tell)}")

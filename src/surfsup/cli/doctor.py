@@ -1,4 +1,4 @@
-"""`surfsup doctor`: what this machine has and lacks."""
+"""`surfsup doctor`: check this machine."""
 
 from __future__ import annotations
 
@@ -6,13 +6,15 @@ import typer
 
 
 def doctor() -> None:
-    """Tell what this machine has and lacks, and the command that mends it.
+    """Check what surfsup can use on this machine.
+
+    It prints the commands that fix what is missing.
 
     Example: surfsup doctor
     """
-    from surfsup.doctor import examine
+    from surfsup.doctor import run_checks
 
-    for finding in examine():
-        typer.echo(f"{'ok     ' if finding.fine else 'missing'}  {finding.what}: {finding.found}")
-        if finding.remedy:
-            typer.echo(f"         mend with: {finding.remedy}")
+    for check in run_checks():
+        typer.echo(f"{'ok     ' if check.passed else 'missing'}  {check.name}: {check.found}")
+        if check.remedy:
+            typer.echo(f"         fix: {check.remedy}")

@@ -1,4 +1,4 @@
-"""`surfsup evaluate`: a model judged on data sets."""
+"""`surfsup evaluate`: the errors of a simulator on data sets."""
 
 from __future__ import annotations
 
@@ -8,60 +8,68 @@ from typing import Annotated
 
 import typer
 
-from surfsup.cli.options import Device, Near, NoVideos
-from surfsup.cli.progress import bar
+from surfsup.cli.options import Device, Near, NoCollisions, NoVideos
+from surfsup.cli.progress import progress_bar
 
 
 def evaluate(
-    model: Annotated[str, typer.Argument(help="A shipped model's name or a .safetensors file.")],
+    simulator_name: Annotated[
+        str,
+        typer.Argument(metavar="SIMULATOR", help="Name of a simulator (dfsph, surfsup, gns, ...) or a weights file."),
+    ],
     data: Annotated[list[Path], typer.Argument(metavar="DIR...", help="Folders of held-out trajectories.")],
-    out: Annotated[Path | None, typer.Option("-o", "--out", help="Folder of the report; out/report-MODEL.")] = None,
-    no_guard: Annotated[bool, typer.Option("--no-guard", help="Judge the network without the guard.")] = False,
-    first_scenes: Annotated[
-        int | None, typer.Option("--scenes", min=1, help="By so many trajectories of each folder; all by default.")
+    out: Annotated[
+        Path | None, typer.Option("-o", "--out", help="Folder of the report; out/report-SIMULATOR by default.")
     ] = None,
-    frames: Annotated[int | None, typer.Option(min=1, help="By so many of their frames; all by default.")] = None,
+    no_collisions: NoCollisions = False,
+    scenes: Annotated[
+        int | None, typer.Option(min=1, help="Use only the first trajectories of each folder, this many.")
+    ] = None,
+    frames: Annotated[int | None, typer.Option(min=1, help="Use only the first frames, this many.")] = None,
     near: Near = 0.09,
     device: Device = None,
     no_video: NoVideos = False,
 ) -> None:
-    """Judge a model on held-out trajectories of the reference solver, beside their floor where there is one.
+    """Evaluate a simulator on held-out trajectories.
 
-    Example: surfsup evaluate fast data/test -o out/report
+    The trajectories are those of the reference solver. The report shows their floor, if there is one.
+
+    Example: surfsup evaluate dfsph data/test -o out/report
     """
     from surfsup.evaluation import report
-    from surfsup.evaluation.evaluate import evaluate as judge
-    from surfsup.evaluation.load_trajectories import data_sets, usable_truths
+    from surfsup.evaluation.domain_warnings import domain_warnings
+    from surfsup.evaluation.evaluate import evaluate as evaluate_simulator
+    from surfsup.evaluation.load_trajectories import find_data_sets, load_references
     from surfsup.evaluation.page import write_page
     from surfsup.evaluation.table import evaluation_text
-    from surfsup.evaluation.unseen import unseen
-    from surfsup.evaluation.videos import examples, why_no_videos, write_videos
-    from surfsup.learned import weights_file
+    from surfsup.evaluation.videos import missing_graphics, select_examples, write_videos
+    from surfsup.learned.loading import load_simulator
     from surfsup.simulation import choose_device
 
-    simulator, card = weights_file.load(weights_file.find(model))
-    where = choose_device(device)
-    sets = data_sets(data, first_scenes)
-    with bar("reading the truth") as tell:
-        truths, skipped = usable_truths(sets, tell, frames)
-    for strange in unseen(card.seen, truths).values():
-        warnings.warn(strange, stacklevel=1)
-    folder = out or Path("out") / f"report-{card.name}{'-no-guard' if no_guard else ''}"
+    simulator, card = load_simulator(simulator_name)
+    name = card.name if card else simulator_name
+    device = choose_device(device)
+    sets = find_data_sets(data, scenes)
+    with progress_bar("reading the references") as bar:
+        references, skipped = load_references(sets, bar, frames)
+    for warning in domain_warnings(card.training_domain if card else None, references).values():
+        warnings.warn(warning, stacklevel=1)
+    folder = out or Path("out") / f"report-{name}{'-no-collisions' if no_collisions else ''}"
     report.make_folder(folder)
-    with bar(f"judging '{card.name}'") as tell:
-        scenes = judge(simulator, card.name, truths, folder, where, not no_guard, near, tell)
-    subject = report.Subject(card, not no_guard, near, first_scenes, frames)
-    found = report.evaluation_report(subject, sets, scenes, skipped, folder)
-    report.write_json(folder / "report.json", found)
-    typer.echo(evaluation_text(subject, scenes, sets, skipped))
-    shown, missing = ([], None) if no_video else (examples(scenes), why_no_videos())
+    with progress_bar(f"evaluating {name}") as bar:
+        results = evaluate_simulator(simulator, name, references, folder, device, not no_collisions, near, bar)
+    settings = report.EvaluationSettings(name, card, not no_collisions, near, scenes, frames)
+    content = report.evaluation_report(settings, sets, results, skipped, folder)
+    report.write_json(folder / "report.json", content)
+    typer.echo(evaluation_text(settings, results, sets, skipped))
+    examples, missing = ([], None) if no_video else (select_examples(results), missing_graphics())
     if missing:
         typer.echo(missing)
-    write_page(folder / "report.html", found, no_videos=missing)
-    if shown and not missing:  # they take minutes: whoever interrupts them still has the page
-        with bar("drawing the videos") as tell:
-            write_videos(folder, shown, card.name, tell)
-        write_page(folder / "report.html", found, shown)
+    write_page(folder / "report.html", content, no_videos=missing)
+    if examples and not missing:  # rendering takes minutes; after an interrupt the page above remains
+        with progress_bar("rendering the videos") as bar:
+            write_videos(folder, examples, name, bar)
+        write_page(folder / "report.html", content, examples)
     typer.echo(f"numbers       {folder / 'report.json'}")
     typer.echo(f"trajectories  {folder / 'trajectories'}")
     typer.echo(f"page          {folder / 'report.html'}  (open it in a browser, no network needed)")

@@ -1,4 +1,4 @@
-"""`surfsup fit`: networks that are surfaces; its verbs by name."""
+"""`surfsup fit`: fit networks that represent surfaces; its verbs by name."""
 
 from __future__ import annotations
 
@@ -6,9 +6,10 @@ import typer
 
 from surfsup.cli.fit_deepsdf import deepsdf
 from surfsup.cli.fit_siren import siren
+from surfsup.cli.option_groups import expand_option_groups
 from surfsup.cli.shape_codes import between, code
 
-fit = typer.Typer(help="Fit networks that are surfaces: a SIREN to one shape, a DeepSDF to many.")
+fit = typer.Typer(help="Fit networks that represent surfaces: a SIREN to one shape, a DeepSDF to many.")
 
 for verb in (siren, deepsdf, code, between):
-    fit.command()(verb)
+    fit.command()(expand_option_groups(verb))

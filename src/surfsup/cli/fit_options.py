@@ -1,15 +1,90 @@
-"""The options that the verbs of `surfsup fit` share."""
+"""The options of `surfsup fit`, and what every fit does with them."""
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import Annotated
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import typer
 
-TimeLimit = Annotated[str, typer.Option("--time", help="Stop after so long: 90s, 30m, 2h.")]
-Resume = Annotated[bool, typer.Option("--resume", help="Go on from where the last one stopped.")]
-Threads = Annotated[int, typer.Option(min=1, help="Threads of torch.")]
-Overrides = Annotated[list[str] | None, typer.Argument(metavar="key=value")]
-OutFile = Annotated[Path, typer.Option("-o", "--out", help="The file of the surface, .safetensors.")]
-UpAxis = Annotated[str | None, typer.Option("--up", help="The input's own upward axis, y or z.")]
+from surfsup.cli.options import Overrides, Resume, Seed, SurfaceFile, Threads, TimeLimit, UpAxis
+from surfsup.cli.progress import progress_bar
+from surfsup.cli.status import INTERRUPTED
+from surfsup.errors import InputError
+
+if TYPE_CHECKING:
+    from surfsup.fitting.fit import Fit, FitConfig
+    from surfsup.optim.stopping import Stop
+
+Config = TypeVar("Config", bound="FitConfig")
+
+
+@dataclass(frozen=True)
+class FitOptions:
+    """The options that every fit takes; the help texts describe the fields."""
+
+    out: SurfaceFile
+    overrides: Overrides = None
+    up: UpAxis = None
+    time_limit: TimeLimit = ""
+    resume: Resume = False
+    seed: Seed = 0
+    threads: Threads = 1
+
+    def configure(self, kind: type[Config]) -> Config:
+        """Set the number of threads and return the configuration of the fit.
+
+        Raises:
+            InputError: a key is unknown, or a value is out of range.
+        """
+        import torch
+
+        from surfsup.fitting.fit import fit_config
+
+        torch.set_num_threads(self.threads)
+        return fit_config(kind, [*(self.overrides or []), f"seed={self.seed}"])
+
+
+def run_and_write(fit: Fit[Any, Any], stop: Stop, resume: bool, write: Callable[[], list[str]]) -> None:
+    """Fit until all steps are done or ``stop`` returns True; then write the best weights and print a summary.
+
+    Args:
+        fit: the fit.
+        stop: stops it early.
+        resume: whether to start from the checkpoint.
+        write: writes the best weights, also those before a divergence, and returns lines to print.
+
+    Raises:
+        InputError: there is no checkpoint to resume from, or there are no weights to write.
+        Diverged: the fit diverged; the best weights before it are written.
+        typer.Exit: the fit was interrupted.
+    """
+    from surfsup.fitting.fit import run_fit
+    from surfsup.fitting.siren_result import NoInside
+    from surfsup.optim.run import Diverged
+
+    if resume:
+        fit.resume()
+    diverged: Diverged | None = None
+    lines: list[str] = []
+    with stop, progress_bar("fitting") as bar:
+        try:
+            run_fit(fit, stop, bar.report)
+        except Diverged as error:
+            diverged = error
+        try:
+            lines = write() if fit.best else []
+        except NoInside as error:
+            if diverged is None and not stop.signaled:
+                raise
+            lines = [str(error)]
+    if diverged is not None:
+        raise diverged
+    for line in lines:
+        typer.echo(line)
+    typer.echo(f"{fit.step} of {fit.config.steps} steps in {fit.processor_seconds:.0f} s of processor time")
+    if stop.signaled:
+        raise typer.Exit(INTERRUPTED)
+    if not fit.best:
+        raise InputError("there was no time for a single step; give more --time")

@@ -8,53 +8,44 @@ from typing import Annotated
 
 import typer
 
-from surfsup.cli.fit_options import OutFile, Overrides, Resume, Threads, TimeLimit, UpAxis
-from surfsup.cli.fit_run import carry_out, stop_after
-from surfsup.cli.options import Seed
+from surfsup.cli.fit_options import FitOptions, run_and_write
+from surfsup.cli.options import stop_after
 
 
 def siren(
     source: Annotated[
-        Path, typer.Argument(metavar="INPUT", help="A mesh, a cloud of points with normals, or a scene file.")
+        Path, typer.Argument(metavar="INPUT", help="A mesh, a point cloud with normals, or a scene file.")
     ],
-    out: OutFile,
-    overrides: Overrides = None,
-    up: UpAxis = None,
-    time_limit: TimeLimit = "",
-    resume: Resume = False,
-    seed: Seed = 0,
-    threads: Threads = 1,
+    options: FitOptions,
 ) -> None:
-    """Fit a network of sine layers to a mesh, to a cloud of points with normals (PLY, XYZ), or to a scene's solid.
+    """Fit a network of sine layers to one shape.
+
+    The shape is a mesh, a point cloud with normals (PLY, XYZ), or the solid of a scene.
 
     Example: surfsup fit siren dragon.obj --up y -o dragon.safetensors --time 15m --threads 2
     """
-    import torch
-
-    from surfsup.fitting.fit import config_of
-    from surfsup.fitting.folder import fit_folder
+    from surfsup.fitting.fit import fit_folder
     from surfsup.fitting.siren_fit import SirenConfig, SirenFit
-    from surfsup.fitting.siren_input import read_input
-    from surfsup.fitting.siren_result import as_text, errors_of, surface_of
+    from surfsup.fitting.siren_input import load_target
+    from surfsup.fitting.siren_result import fitted_surface, measure_errors
     from surfsup.sdf.neural.siren import save_siren
 
-    torch.set_num_threads(threads)
-    config = config_of(SirenConfig, [*(overrides or []), f"seed={seed}"])
-    stop = stop_after(time_limit)
-    folder = fit_folder(out, resume)
-    target, shape = read_input(source, up, config.samples, config.seed)
-    fitting = SirenFit(config, target, folder)
+    config = options.configure(SirenConfig)
+    stop = stop_after(options.time_limit)
+    folder = fit_folder(options.out, options.resume)
+    target, shape = load_target(source, options.up, config.samples, config.seed)
+    fit = SirenFit(config, target, folder)
 
     def write() -> list[str]:
-        told = []
-        surface, mesh = surface_of(fitting, {"input": source.name, "command": f"surfsup fit siren {source.name}"})
+        lines = []
+        surface, mesh = fitted_surface(fit, {"input": source.name, "command": f"surfsup fit siren {source.name}"})
         if shape is not None:
-            errors = errors_of(surface, mesh, shape, config.seed)
-            surface.about["errors"] = as_text(errors)
-            told.append(errors.text())
+            errors = measure_errors(surface, mesh, shape, config.seed)
+            surface.about["errors"] = errors.rounded()
+            lines.append(errors.text())
             if errors.parts > 1:
-                warnings.warn(f"{out}: its mesh has {errors.parts} separate parts", stacklevel=1)
-        save_siren(out, surface)
-        return [*told, f"written to {out}; pour water on it with: surfsup simulate {out}"]
+                warnings.warn(f"{options.out}: its mesh has {errors.parts} separate parts", stacklevel=1)
+        save_siren(options.out, surface)
+        return [*lines, f"written to {options.out}; pour water on it with: surfsup simulate {options.out}"]
 
-    carry_out(fitting, stop, resume, write)
+    run_and_write(fit, stop, options.resume, write)

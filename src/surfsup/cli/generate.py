@@ -1,4 +1,4 @@
-"""`surfsup generate` and `surfsup floor`: data sets and how near a model can come to them."""
+"""`surfsup generate` and `surfsup floor`: data sets and their floors."""
 
 from __future__ import annotations
 
@@ -8,41 +8,45 @@ from typing import Annotated
 import typer
 
 from surfsup.cli.options import Scheduler, Seed, Workers
-from surfsup.cli.progress import paced_bar
+from surfsup.cli.progress import progress_bar
 
 
 def generate(
-    recipe: Annotated[str, typer.Argument(help="Which scenes.")],
+    recipe: Annotated[str, typer.Argument(help="Name of the recipe.")],
     out: Annotated[Path, typer.Option("-o", "--out", help="Folder of the data set.")],
-    n: Annotated[int, typer.Option("-n", help="How many scenes.")],
+    n: Annotated[int, typer.Option("-n", help="Number of scenes.")],
     seed: Seed = 0,
-    frames: Annotated[int | None, typer.Option(min=1, help="Frames of every scene; else as the recipe says.")] = None,
-    source: Annotated[Path | None, typer.Option(help="What the recipe makes surfaces of: meshes, heights.")] = None,
+    frames: Annotated[int | None, typer.Option(min=1, help="Frames per scene; by default those of the recipe.")] = None,
+    source: Annotated[Path | None, typer.Option(help="Source of the recipe's surfaces: meshes, heights.")] = None,
     workers: Workers = None,
     scheduler: Scheduler = None,
 ) -> None:
-    """Make a data set with the reference solver; started again, it makes what is missing.
+    """Generate a data set with the reference solver.
+
+    A second call adds the missing trajectories.
 
     Example: surfsup generate prim-shapes -o data/train -n 60 --seed 1
     """
-    from surfsup.datasets.generation.generate import generate as make
+    from surfsup.datasets.generation.generate import generate as generate_data_set
 
-    with paced_bar(f"simulating {n} scenes of {recipe}") as tell:
-        paths = make(recipe, out, n, seed, frames, source, workers, scheduler, tell)
-    typer.echo(f"{len(paths)} trajectories in {out}; dataset.yaml there tells of them")
+    with progress_bar(f"simulating {n} scenes of {recipe}") as bar:
+        paths = generate_data_set(recipe, out, n, seed, frames, source, workers, scheduler, bar)
+    typer.echo(f"{len(paths)} trajectories in {out}; dataset.yaml describes them")
 
 
 def floor(
-    data: Annotated[Path, typer.Argument(metavar="DIR", help="Folder of the reference solver's trajectories.")],
+    data: Annotated[Path, typer.Argument(metavar="DIR", help="Folder of trajectories of the reference solver.")],
     workers: Workers = None,
     scheduler: Scheduler = None,
 ) -> None:
-    """Run the reference three times more for each trajectory, from starts 1 mm away: how near can a model come?
+    """Repeat the reference three times per trajectory.
+
+    The repeats start 1 mm aside. Their errors are the smallest that a simulator can be expected to reach.
 
     Example: surfsup floor data/test
     """
-    from surfsup.datasets.generation.floor import floor as run_again
+    from surfsup.datasets.generation.floor import simulate_floor
 
-    with paced_bar(f"running {data} again") as tell:
-        made = run_again(data, workers, scheduler, tell)
-    typer.echo(f"{len(made)} trajectories in {data / 'floor'}")
+    with progress_bar(f"repeating {data}") as bar:
+        paths = simulate_floor(data, workers, scheduler, bar)
+    typer.echo(f"{len(paths)} trajectories in {data / 'floor'}")

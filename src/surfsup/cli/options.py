@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
+if TYPE_CHECKING:
+    from surfsup.optim.stopping import Stop
 
-def length(meters: float) -> float:
-    """A length that an option gives.
+
+def positive_length(meters: float) -> float:
+    """Check the length of an option in meters.
 
     Raises:
         typer.BadParameter: it is not above zero or not finite.
@@ -19,32 +22,36 @@ def length(meters: float) -> float:
     return meters
 
 
+def stop_after(time_limit: str) -> Stop:
+    """A stop condition for the value of ``--time``, which is empty for no limit.
+
+    Raises:
+        InputError: the value is not a duration.
+    """
+    from surfsup.optim.stopping import Stop, parse_duration
+
+    return Stop(parse_duration(time_limit) if time_limit else float("inf"))
+
+
 Vector = tuple[float, float, float]
-Source = Annotated[
-    Path,
-    typer.Argument(
-        metavar="SURFACE|SCENE.yaml", help="A mesh, a neural surface (one's own, or coral, chairs, bowls), a scene."
-    ),
+SimulatorName = Annotated[
+    str, typer.Option("--simulator", help="Name of a simulator (dfsph, surfsup, gns, ...) or a weights file.")
 ]
-Out = Annotated[Path | None, typer.Option("-o", "--out", help="Output folder; out/NAME by default.")]
-Frames = Annotated[int | None, typer.Option(min=1, help="Frames of 0.005 s; 800 by default.")]
-Fit = Annotated[float, typer.Option(help="Largest extent that the mesh is scaled to, in meters.")]
-NoFit = Annotated[bool, typer.Option("--no-fit", help="Take the mesh as it is, in meters.")]
-Up = Annotated[str | None, typer.Option(help="The mesh's own upward axis, y or z.")]
-Turn = Annotated[float, typer.Option(help="Turn the mesh by so many degrees about z.")]
-At = Annotated[Vector | None, typer.Option(help="Where the mesh's foot goes, in meters.")]
-BlockMin = Annotated[Vector | None, typer.Option(help="Lower corner of the block of water.")]
-BlockMax = Annotated[Vector | None, typer.Option(help="Upper corner of the block of water.")]
-ShapeName = Annotated[str | None, typer.Option("--shape", help="Which shape of a DeepSDF's file.")]
-ContainerSize = Annotated[Vector | None, typer.Option("--container", help="Sides of the container; 1 1 2.")]
-NoPage = Annotated[bool, typer.Option("--no-page", help="Leave out page.html.")]
-NoVideo = Annotated[bool, typer.Option("--no-video", help="Leave out video.mp4.")]
-NoVideos = Annotated[bool, typer.Option("--no-video", help="Leave out the videos of the page.")]
-Model = Annotated[str | None, typer.Option(help="A shipped model's name or a .safetensors file.")]
-Device = Annotated[str | None, typer.Option(help="cpu or cuda; a GPU is taken where there is one.")]
-Workers = Annotated[int | None, typer.Option(help="Simulations side by side on this machine; 2 by default.")]
-Scheduler = Annotated[str | None, typer.Option(help="A dask scheduler whose workers do it: tcp://host:port.")]
+NoCollisions = Annotated[bool, typer.Option("--no-collisions", help="Turn collision handling off.")]
+NoVideos = Annotated[bool, typer.Option("--no-video", help="Omit the videos.")]
+Device = Annotated[str | None, typer.Option(help="cpu or cuda; by default a GPU if there is one.")]
+Workers = Annotated[int | None, typer.Option(help="Parallel simulations on this machine; 2 by default.")]
+Scheduler = Annotated[
+    str | None, typer.Option(help="Address of a dask scheduler with its own workers: tcp://host:port.")
+]
 Near = Annotated[
-    float, typer.Option(callback=length, help="Meters; particles nearer to the solid count for Chamfer Surface.")
+    float,
+    typer.Option(callback=positive_length, help="Meters; particles closer to the solid count for Chamfer Surface."),
 ]
-Seed = Annotated[int, typer.Option(min=0, help="Where random choices start.")]
+Seed = Annotated[int, typer.Option(min=0, help="Seed of all random numbers.")]
+TimeLimit = Annotated[str, typer.Option("--time", help="Stop after this time: 90s, 30m, 2h.")]
+Resume = Annotated[bool, typer.Option("--resume", help="Resume from the checkpoint.")]
+Threads = Annotated[int, typer.Option(min=1, help="Threads of torch.")]
+Overrides = Annotated[list[str] | None, typer.Argument(metavar="key=value")]
+SurfaceFile = Annotated[Path, typer.Option("-o", "--out", help="The new file of the surface, .safetensors.")]
+UpAxis = Annotated[Literal["y", "z"] | None, typer.Option(help="Upward axis of the mesh file.")]

@@ -1,6 +1,6 @@
-"""The program: its verbs by name, and how it ends.
+"""The program: its verbs by name, and its exit statuses.
 
-Heavy imports stay inside the verbs, so that help is instant.
+Verbs import the libraries they need when they run, so that ``--help`` stays fast.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from surfsup.cli.doctor import doctor
 from surfsup.cli.evaluate import evaluate
 from surfsup.cli.fit import fit
 from surfsup.cli.generate import floor, generate
+from surfsup.cli.option_groups import expand_option_groups
 from surfsup.cli.reference import reference
 from surfsup.cli.simulate import simulate
 from surfsup.cli.status import BAD_INPUT, FAULT, INTERRUPTED
@@ -35,7 +36,7 @@ app = typer.Typer(
 )
 
 for verb in (simulate, reference, generate, floor, train, evaluate, compare, design, view, render, doctor):
-    app.command()(verb)
+    app.command()(expand_option_groups(verb))
 app.add_typer(fit, name="fit")
 
 
@@ -52,7 +53,10 @@ def surfsup(
 
 
 def main() -> None:
-    """Run the command line; exit with 0, 2 for bad input, 1 for a fault of ours, 130 when interrupted."""
+    """Run the command line and exit: 0 done, 2 bad input, 1 a failure of surfsup, 130 interrupted."""
+    if sys.argv[1:] == ["--version"]:  # typer would import pydantic to convert the option
+        typer.echo(__version__)
+        sys.exit(0)
     warnings.showwarning = one_line_warnings()
     try:
         status = app(standalone_mode=False)
@@ -66,5 +70,5 @@ def main() -> None:
     except (KeyboardInterrupt, typer.Abort):
         status = INTERRUPTED
     if status == INTERRUPTED:
-        sys.stderr.write("surfsup: interrupted; what was finished is kept\n")
+        sys.stderr.write("surfsup: interrupted; finished work is kept\n")
     sys.exit(status if isinstance(status, int) else 0)

@@ -1,4 +1,4 @@
-"""`surfsup reference`: water by the reference solver."""
+"""`surfsup reference`: the same scene by the reference solver."""
 
 from __future__ import annotations
 
@@ -6,66 +6,33 @@ from typing import Annotated
 
 import typer
 
-from surfsup.cli.options import (
-    At,
-    BlockMax,
-    BlockMin,
-    ContainerSize,
-    Fit,
-    Frames,
-    NoFit,
-    NoPage,
-    NoVideo,
-    Out,
-    ShapeName,
-    Source,
-    Turn,
-    Up,
-)
-from surfsup.cli.progress import bar
-from surfsup.cli.results import open_folder, show
-from surfsup.cli.scene_source import read_scene
+from surfsup.cli.output_options import OutputOptions
+from surfsup.cli.progress import progress_bar
+from surfsup.cli.scene_options import SceneOptions
 
 
 def reference(
-    source: Source,
-    out: Out = None,
-    frames: Frames = None,
-    fit: Fit = 0.7,
-    no_fit: NoFit = False,
-    up: Up = None,
-    turn: Turn = 0.0,
-    at: At = None,
-    block_min: BlockMin = None,
-    block_max: BlockMax = None,
-    container: ContainerSize = None,
-    shape: ShapeName = None,
+    scene_options: SceneOptions,
+    output: OutputOptions,
     threads: Annotated[int, typer.Option(min=1, help="Threads of the solver.")] = 1,
-    no_page: NoPage = False,
-    no_video: NoVideo = False,
 ) -> None:
-    """Simulate the same scene with SPlisHSPlasH, the ground truth.
+    """Simulate the scene with SPlisHSPlasH.
+
+    Its trajectories are the ground truth of training and evaluation.
 
     Example: surfsup reference bunny.obj -o out/bunny-truth
     """
     from surfsup.io.trajectory import Provenance
     from surfsup.splishsplash import solver
-    from surfsup.splishsplash.compressed_start import warn_of_pressed_water
+    from surfsup.splishsplash.compressed_start import warn_compressed_start
 
-    scene = read_scene(source, frames, None if no_fit else fit, up, turn, at, block_min, block_max, container, shape)
+    scene = scene_options.read()
     surface = scene.build_surface()
-    start = scene.start(surface)
-    solver.require()
-    warn_of_pressed_water(scene, start)
-    folder = open_folder(out, source, scene, start, pictures=not no_video)
-    with bar("simulating with SPlisHSPlasH") as tell:
-        summary = folder.record(
-            scene,
-            surface,
-            start,
-            solver.simulate(scene, surface, start, threads),
-            Provenance(solver.NAME),
-            "cpu",
-            tell,
-        )
-    show(folder, summary, start.left_out, no_page, no_video)
+    particles = scene.initial_particles(surface)
+    solver.check_installed()
+    warn_compressed_start(scene, particles)
+    folder = output.create_folder(scene_options.source, len(particles.positions), scene.frames)
+    frames = solver.simulate(scene, surface, particles, threads)
+    with progress_bar("simulating with SPlisHSPlasH") as bar:
+        summary = folder.record(scene, surface, frames, Provenance(solver.NAME), "cpu", bar)
+    output.finish(folder, summary, particles.excluded)

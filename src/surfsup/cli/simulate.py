@@ -1,81 +1,41 @@
-"""`surfsup simulate`: water by the learned simulator."""
+"""`surfsup simulate`: pour water on a surface."""
 
 from __future__ import annotations
 
 import warnings
-from typing import Annotated
 
-import typer
-
-from surfsup.cli.options import (
-    At,
-    BlockMax,
-    BlockMin,
-    ContainerSize,
-    Device,
-    Fit,
-    Frames,
-    Model,
-    NoFit,
-    NoPage,
-    NoVideo,
-    Out,
-    Seed,
-    ShapeName,
-    Source,
-    Turn,
-    Up,
-)
-from surfsup.cli.progress import bar
-from surfsup.cli.results import open_folder, show
-from surfsup.cli.scene_source import read_scene
+from surfsup.cli.options import Device, NoCollisions, SimulatorName
+from surfsup.cli.output_options import OutputOptions
+from surfsup.cli.progress import progress_bar
+from surfsup.cli.scene_options import SceneOptions
 
 
 def simulate(
-    source: Source,
-    out: Out = None,
-    frames: Frames = None,
-    fit: Fit = 0.7,
-    no_fit: NoFit = False,
-    up: Up = None,
-    turn: Turn = 0.0,
-    at: At = None,
-    block_min: BlockMin = None,
-    block_max: BlockMax = None,
-    container: ContainerSize = None,
-    shape: ShapeName = None,
-    model: Model = None,
+    scene_options: SceneOptions,
+    output: OutputOptions,
+    simulator_name: SimulatorName = "dfsph",
     device: Device = None,
-    seed: Seed = 0,
-    no_guard: Annotated[bool, typer.Option("--no-guard", help="Let the network's own penetration show.")] = False,
-    no_page: NoPage = False,
-    no_video: NoVideo = False,
+    no_collisions: NoCollisions = False,
 ) -> None:
-    """Pour water on a surface with the learned simulator.
+    """Pour water on a surface.
 
     Example: surfsup simulate bunny.obj -o out/bunny
     """
     from surfsup.io.trajectory import Provenance
-    from surfsup.learned import weights_file
+    from surfsup.learned.loading import load_simulator
     from surfsup.simulation import choose_device
-    from surfsup.simulation import simulate as frames_of
+    from surfsup.simulation import simulate as simulate_scene
 
-    simulator, card = weights_file.load(weights_file.find(model or weights_file.DEFAULT_MODEL))
-    where = choose_device(device)
-    scene = read_scene(source, frames, None if no_fit else fit, up, turn, at, block_min, block_max, container, shape)
-    if card.seen is not None and (strange := card.seen.warning(scene)) is not None:
-        warnings.warn(strange, stacklevel=1)
+    simulator, card = load_simulator(simulator_name)
+    name = card.name if card else simulator_name
+    device = choose_device(device)
+    scene = scene_options.read()
+    if card and card.training_domain and (warning := card.training_domain.warning(scene)):
+        warnings.warn(warning, stacklevel=1)
     surface = scene.build_surface()
-    start = scene.start(surface)
-    folder = open_folder(out, source, scene, start, pictures=not no_video)
-    with bar(f"simulating with '{card.name}'") as tell:
-        summary = folder.record(
-            scene,
-            surface,
-            start,
-            frames_of(simulator, scene, surface, start, where, handle_collisions=not no_guard),
-            Provenance(card.name, seed),
-            where,
-            tell,
-        )
-    show(folder, summary, start.left_out, no_page, no_video)
+    particles = scene.initial_particles(surface)
+    folder = output.create_folder(scene_options.source, len(particles.positions), scene.frames)
+    frames = simulate_scene(simulator, scene, surface, particles, device, handle_collisions=not no_collisions)
+    with progress_bar(f"simulating with {name}") as bar:
+        summary = folder.record(scene, surface, frames, Provenance(name), device, bar)
+    output.finish(folder, summary, particles.excluded)

@@ -1,4 +1,4 @@
-"""The exit statuses of the program beyond 0 for done."""
+"""The exit statuses of the program other than 0."""
 
 FAULT = 1
 BAD_INPUT = 2

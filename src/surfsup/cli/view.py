@@ -1,4 +1,4 @@
-"""`surfsup view` and `surfsup render`: the page, the video and pictures of a trajectory."""
+"""`surfsup view` and `surfsup render`: page, video and pictures of a trajectory."""
 
 from __future__ import annotations
 
@@ -7,36 +7,42 @@ from typing import Annotated
 
 import typer
 
-from surfsup.cli.progress import bar
+from surfsup.cli.progress import progress_bar
+
+TrajectoryFile = Annotated[Path, typer.Argument(help="A trajectory.h5.")]
 
 
-def view(trajectory: Annotated[Path, typer.Argument(help="A trajectory.h5.")]) -> None:
-    """Write the page of a trajectory beside it.
+def view(trajectory: TrajectoryFile) -> None:
+    """Write the page of a trajectory.
+
+    The page is written next to the trajectory.
 
     Example: surfsup view out/bunny/trajectory.h5
     """
-    from surfsup.viewing.trajectory_pictures import write_page_of
+    from surfsup.viewing.trajectory_pictures import write_trajectory_page
 
-    with bar("writing the page") as tell:
-        page = write_page_of(trajectory, trajectory.with_name("page.html"), tell)
+    with progress_bar("writing the page") as bar:
+        page = write_trajectory_page(trajectory, trajectory.with_name("page.html"), bar)
     typer.echo(f"open {page} in a browser")
 
 
 def render(
-    trajectory: Annotated[Path, typer.Argument(help="A trajectory.h5.")],
-    frame: Annotated[int | None, typer.Option(min=0, help="One picture of this frame instead.")] = None,
+    trajectory: TrajectoryFile,
+    frame: Annotated[int | None, typer.Option(min=0, help="Render a picture of this frame instead.")] = None,
 ) -> None:
-    """Write the video of a trajectory beside it, or a picture of one frame.
+    """Render the video of a trajectory.
+
+    With --frame it renders a picture of one frame. Both are written next to the trajectory.
 
     Example: surfsup render out/bunny/trajectory.h5 --frame 120
     """
     from surfsup.viewing.graphics import require_graphics
-    from surfsup.viewing.trajectory_pictures import write_picture_of, write_video_of
+    from surfsup.viewing.trajectory_pictures import write_frame_picture, write_trajectory_video
 
     require_graphics()
     if frame is not None:
-        made = write_picture_of(trajectory, trajectory.with_name(f"frame-{frame:05d}.png"), frame)
+        output = write_frame_picture(trajectory, trajectory.with_name(f"frame-{frame:05d}.png"), frame)
     else:
-        with bar("drawing the video") as tell:
-            made = write_video_of(trajectory, trajectory.with_name("video.mp4"), tell)
-    typer.echo(f"written to {made}")
+        with progress_bar("rendering the video") as bar:
+            output = write_trajectory_video(trajectory, trajectory.with_name("video.mp4"), bar)
+    typer.echo(f"written to {output}")

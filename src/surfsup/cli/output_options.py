@@ -1,0 +1,65 @@
+"""The options about the output folder of a simulation."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from surfsup.cli.progress import progress_bar
+
+if TYPE_CHECKING:
+    from surfsup.io.output_folder import OutputFolder, Summary
+
+
+@dataclass(frozen=True)
+class OutputOptions:
+    """The output folder and the files to omit; the help texts describe the fields."""
+
+    out: Annotated[Path | None, typer.Option("-o", "--out", help="Output folder; out/NAME by default.")] = None
+    no_page: Annotated[bool, typer.Option("--no-page", help="Omit page.html.")] = False
+    no_video: Annotated[bool, typer.Option("--no-video", help="Omit video.mp4.")] = False
+
+    def create_folder(self, source: Path, particles: int, frames: int) -> OutputFolder:
+        """Create the output folder of a simulation of ``source``.
+
+        Raises:
+            InputError: the folder is unusable, or this machine cannot render the video.
+        """
+        from surfsup.io.output_folder import OutputFolder
+        from surfsup.viewing.graphics import require_graphics
+
+        if not self.no_video:
+            require_graphics()
+        return OutputFolder(self.out or Path("out") / source.stem, particles, frames)
+
+    def finish(self, folder: OutputFolder, summary: Summary, excluded: int) -> None:
+        """Write page and video, then print what the folder contains.
+
+        Args:
+            folder: the folder with the trajectory.
+            summary: the summary of the simulation.
+            excluded: number of particles without a place at the start.
+        """
+        from surfsup.viewing.trajectory_pictures import write_trajectory_page, write_trajectory_video
+
+        if not self.no_page:
+            with progress_bar("writing the page") as bar:
+                write_trajectory_page(folder.trajectory, folder.page, bar)
+        if not self.no_video:
+            with progress_bar("rendering the video") as bar:
+                write_trajectory_video(folder.trajectory, folder.video, bar)
+        if excluded:
+            typer.echo(f"{excluded} particles that overlap the solid or each other at the start were omitted")
+        typer.echo(
+            f"{summary.particles} particles, {summary.frames} frames in {summary.seconds:.1f} s "
+            f"({summary.ms_per_frame:.1f} ms per frame); {summary.penetrations} in the solid, "
+            f"{summary.out_of_container} out of the container"
+        )
+        typer.echo(f"trajectory  {folder.trajectory}")
+        if not self.no_page:
+            typer.echo(f"page        {folder.page}  (open it in a browser, no network needed)")
+        if not self.no_video:
+            typer.echo(f"video       {folder.video}")
