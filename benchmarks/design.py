@@ -23,14 +23,14 @@ from unittest import mock
 import torch
 
 from surfsup.design import DesignRun, bowl
-from surfsup.design.record import processor_seconds
-from surfsup.design.rollout import Water, last_frame
-from surfsup.learned.registry import load_simulator
+from surfsup.design.history import process_cpu_seconds
+from surfsup.design.rollout import last_frame
 from surfsup.scene import Scene
 from surfsup.sdf import Bowl, Transformed
-from surfsup.sph.state import Environment
+from surfsup.sph.environment import Environment
+from surfsup.sph.solver import DfsphSolver
+from surfsup.sph.state import ParticleState
 
-DEFAULT = "dfsph"
 ALL_KEPT = 10  # frames, since memory grows with each when all are kept
 
 
@@ -50,7 +50,7 @@ def main() -> None:
     wall, work, particles = iteration_seconds(arguments.iterations)
     print(f"bowl, {particles} particles, 50 frames, {arguments.threads} threads, 100 iterations:", end=" ")
     print(f"{100 * wall / 60:.1f} minutes, {100 * work / 60:.1f} of a processor")
-    for frames, kept in ((arguments.frames, "stretch"), (4 * arguments.frames, "stretch"), (ALL_KEPT, "all")):
+    for frames, kept in ((arguments.frames, "segments"), (4 * arguments.frames, "segments"), (ALL_KEPT, "all")):
         sizes = [f"--particles={arguments.particles}", f"--frames={frames}", f"--threads={arguments.threads}"]
         done = subprocess.run([sys.executable, __file__, f"--child={kept}", *sizes], check=True, stdout=subprocess.PIPE)
         before, after = json.loads(done.stdout)
@@ -60,31 +60,29 @@ def main() -> None:
 
 def iteration_seconds(iterations: int) -> tuple[float, float, int]:
     """Wall and processor seconds of one iteration of the bowl, and its number of particles."""
-    simulator, _ = load_simulator(DEFAULT)
     with tempfile.TemporaryDirectory() as folder:
-        run = DesignRun(bowl(), Path(folder), simulator, DEFAULT, 100)
+        run = DesignRun(bowl(), Path(folder), 100)
         run.iterate()
-        began, worked = time.monotonic(), processor_seconds()
+        began, worked = time.monotonic(), process_cpu_seconds()
         for _ in range(iterations):
             run.iterate()
-        taken = time.monotonic() - began, processor_seconds() - worked
-    return taken[0] / iterations, taken[1] / iterations, len(run.task.water().positions)
+        taken = time.monotonic() - began, process_cpu_seconds() - worked
+    return taken[0] / iterations, taken[1] / iterations, len(run.task.initial_state().positions)
 
 
 def memory(particles: int, frames: int, keep_all: bool) -> tuple[float, float]:
     """Peak memory, MB: before the gradient and after it."""
-    simulator, _ = load_simulator(DEFAULT)
     capture = torch.tensor(0.25, requires_grad=True)
     scene = Scene.from_yaml("fluid: [{block: {min: [-0.25, -0.25, 0.52], max: [0.25, 0.25, 1.0]}}]", "water")
     environment = Environment.of(scene, Transformed(Bowl(capture), translation=(0.0, 0.0, 0.5)))
     side = round(particles ** (1 / 3) + 0.5)
     places = torch.cartesian_prod(*[torch.arange(side) * 0.03] * 3)[:particles]
     places = places - torch.tensor([0.015 * (side - 1), 0.015 * (side - 1), -0.53])
-    water = Water(places, torch.tensor([0.0, 0.0, -2.0]).expand_as(places))
+    start = ParticleState(places, torch.tensor([0.0, 0.0, -2.0]).expand_as(places))
     before = peak_memory()
     length = frames if keep_all else None
     with mock.patch("surfsup.design.rollout.math.isqrt", lambda n: length) if length else mock.MagicMock():
-        end = last_frame(simulator, environment, water, frames)
+        end = last_frame(DfsphSolver(), environment, start, frames)
         end.positions[:, 2].mean().backward()
     return before, peak_memory()
 

@@ -1,4 +1,4 @@
-"""The water pictures of docs/design.md: the first and the best design, by the learned simulator and by the solver.
+"""The water pictures of docs/design.md: the first and the best design, by the DFSPH solver and by the reference solver.
 
 python benchmarks/design_picture.py out/design/bowl -o docs/images/design-bowl-water.png
 
@@ -14,15 +14,15 @@ import numpy as np
 import torch
 from PIL import Image
 
-from surfsup.design.film import RESOLUTION, opened
+from surfsup.design.video import RESOLUTION, cut_open
 from surfsup.io.trajectory import Trajectory
 from surfsup.scene import PARTICLE_RADIUS
 from surfsup.sdf import MeshSurface, load_mesh
 from surfsup.viewing.label import label
-from surfsup.viewing.render import FrameRenderer
+from surfsup.viewing.renderer import FrameRenderer
 
 DESIGNS = ("first", "best")
-SIMULATORS = {"learned": "learned simulator", "solver": "SPlisHSPlasH"}
+SIMULATORS = {"dfsph": "surfsup dfsph", "reference": "SPlisHSPlasH"}
 SIZE = (560, 420)  # pixels of each
 
 
@@ -30,11 +30,11 @@ def picture(folder: Path, design: str, simulator: str) -> np.ndarray:
     """The last frame of one design's water by one of the simulators."""
     mesh = load_mesh(folder / design / "shape.obj", up="z")
     with torch.no_grad():
-        solid = opened(MeshSurface(mesh)).to_mesh(RESOLUTION)
+        solid = cut_open(MeshSurface(mesh)).to_mesh(RESOLUTION)
     with Trajectory(folder / design / f"{simulator}.h5") as frames:
         size, first = frames.scene.container.size, frames.positions[0]
         renderer = FrameRenderer(solid, size, PARTICLE_RADIUS, first, SIZE)
-        image = renderer.image(frames.positions[len(frames) - 1])
+        image = renderer.render(frames.positions[len(frames) - 1])
         renderer.close()
         return label(image, f"{design}, {SIMULATORS[simulator]}, frame {len(frames) - 1}")
 
@@ -42,7 +42,7 @@ def picture(folder: Path, design: str, simulator: str) -> np.ndarray:
 def main() -> None:
     """Draw the four, a simulator a row."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("folder", type=Path, help="of a design that was proven")
+    parser.add_argument("folder", type=Path, help="of a verified design")
     parser.add_argument("-o", "--out", type=Path, required=True)
     arguments = parser.parse_args()
     rows = [[picture(arguments.folder, design, simulator) for design in DESIGNS] for simulator in SIMULATORS]

@@ -3,8 +3,8 @@
 
     python benchmarks/design_searches.py [-o out/deflectors] [--iterations 60]
 
-Resumes the design in that folder, for instance that of the example, and writes ``rivals.json`` and ``rivals.png``
-there. `surfsup design ... --rivals` does the same for the designs of the paper.
+Resumes the design in that folder, for instance that of the example, and writes ``baselines.json`` and
+``baselines.png`` there. `surfsup design ... --baselines` does the same for the designs of the paper.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import runpy
 from pathlib import Path
 
 from surfsup.design import optimize
-from surfsup.design.verdict import compare_rivals
+from surfsup.design.baselines import compare_with_baselines
 
 EXAMPLE = Path(__file__).parent.parent / "examples" / "deflectors.py"
 
@@ -27,7 +27,7 @@ def main() -> None:
     arguments = parser.parse_args()
     task = runpy.run_path(str(EXAMPLE))["task"]
     run = optimize(task, arguments.out, arguments.iterations, resume=True)
-    print(compare_rivals(run, with_solver=False, tell=lambda done, total: None))
+    print(compare_with_baselines(run, with_reference=False))
 
 
 if __name__ == "__main__":

@@ -1,29 +1,29 @@
-"""Three balls, placed so that falling water lands around a target:  python examples/deflectors.py"""
+"""Three balls that deflect falling water towards a target:  python examples/deflectors.py"""
 
 import torch
 
-from surfsup.design import Outcome, Parameter, Task, optimize, prove
+from surfsup.design import Outcome, Parameter, Task, optimize, verify
 from surfsup.scene import Scene
 from surfsup.sdf import Sphere, Surface, Transformed, Union
 
 SCENE = "fluid: [{block: {min: [-0.15, -0.15, 0.55], max: [0.15, 0.15, 0.7]}}]\nframes: 81"
-PLACES = [[-0.05, 0.0, 0.4], [0.0, 0.12, 0.3], [0.0, -0.12, 0.3]]  # meters
+CENTERS = [[-0.05, 0.0, 0.4], [0.0, 0.12, 0.3], [0.0, -0.12, 0.3]]  # meters
 
 
-def balls(places: torch.Tensor) -> Surface:
-    """Balls of 0.08 m at ``places`` (3, 3), meters."""
-    return Union(*(Transformed(Sphere(0.08), translation=place) for place in places))
+def balls(centers: torch.Tensor) -> Surface:
+    """Balls of radius 0.08 m at ``centers`` (3, 3), meters."""
+    return Union(*(Transformed(Sphere(0.08), translation=center) for center in centers))
 
 
 def reward(end: Outcome) -> torch.Tensor:
-    """Minus the mean squared distance from the target, m²."""
+    """Minus the mean squared horizontal distance from the target, m²."""
     return -(end.positions[:, :2] - torch.tensor([0.25, 0.0])).square().sum(dim=-1).mean()
 
 
-places = Parameter(PLACES, lower=[-0.3, -0.3, 0.15], upper=[0.3, 0.3, 0.42], step=0.03)
-task = Task("deflectors", balls, {"places": places}, Scene.from_yaml(SCENE, "scene"), reward, floor=0.06)
+centers = Parameter(CENTERS, lower=[-0.3, -0.3, 0.15], upper=[0.3, 0.3, 0.42], step=0.03)
+task = Task("deflectors", balls, {"centers": centers}, Scene.from_yaml(SCENE, "scene"), reward, floor=0.06)
 if __name__ == "__main__":
     run = optimize(task, "out/deflectors", iterations=60, resume=True)
-    best = run.designs[run.best]["places"].tolist()
-    print(f"{run.rewards[0]:.4f} became {run.rewards[run.best]:.4f} with balls at {best}")
-    print(prove(run, tell=lambda done, total: None).text())
+    best = run.designs[run.best]["centers"].tolist()
+    print(f"reward {run.rewards[0]:.4f} -> {run.rewards[run.best]:.4f} with balls at {best}")
+    print(verify(run).text())

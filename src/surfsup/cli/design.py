@@ -1,4 +1,4 @@
-"""`surfsup design`: shapes that do what is asked of the water."""
+"""`surfsup design`: optimize the shape of a vessel for what the water should do."""
 
 from __future__ import annotations
 
@@ -7,11 +7,12 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from surfsup.cli.options import Seed, SimulatorName
+from surfsup.cli.options import Seed
 from surfsup.cli.progress import progress_bar
 from surfsup.cli.status import INTERRUPTED
 
 if TYPE_CHECKING:
+    from surfsup.design.optimize import Progress
     from surfsup.design.run import DesignRun
 
 
@@ -19,32 +20,30 @@ def design(
     task: Annotated[str, typer.Argument(metavar="bowl|funnel|latent", help="What to design.")],
     out: Annotated[Path, typer.Option("-o", "--out", help="Output folder.")],
     start: Annotated[
-        list[str] | None, typer.Option(help="Start with R1,R2 in meters; repeated, each start gets a folder.")
+        list[str] | None, typer.Option(help="Initial radii R1,R2 in meters; if repeated, each start gets a folder.")
     ] = None,
     deepsdf: Annotated[
-        Path | None, typer.Option(help="Of latent: a network of `surfsup fit deepsdf`; the shipped chairs.")
+        Path | None, typer.Option(help="For latent: a network of `surfsup fit deepsdf`; default: shipped chairs.")
     ] = None,
-    shape: Annotated[str | None, typer.Option("--shape", help="Of latent: the shape to start with.")] = None,
-    iterations: Annotated[int, typer.Option(min=1, help="Steps uphill, at most.")] = 100,
-    frames: Annotated[int | None, typer.Option(min=1, help="Frames of a rollout; 50, of the funnel 75.")] = None,
-    smooth: Annotated[
-        float | None, typer.Option(min=0, help="Meters by which the water's start is moved at random, each time anew.")
-    ] = None,
-    simulator_name: SimulatorName = "dfsph",
+    shape: Annotated[str | None, typer.Option("--shape", help="For latent: the initial shape.")] = None,
+    iterations: Annotated[int, typer.Option(min=1, help="Maximum number of steps.")] = 100,
+    frames: Annotated[int | None, typer.Option(min=1, help="Frames of a rollout; default: the paper's.")] = None,
+    smooth: Annotated[float, typer.Option(min=0, help="Random shift of the water's start in meters.")] = 0.0,
     seed: Seed = 0,
-    resume: Annotated[bool, typer.Option("--resume", help="Go on from where the folder's run stopped.")] = False,
-    rivals: Annotated[bool, typer.Option("--rivals", help="Compare with CMA-ES and random search.")] = False,
-    no_proof: Annotated[bool, typer.Option("--no-proof", help="Leave out the reference solver's verdict.")] = False,
-    no_video: Annotated[bool, typer.Option("--no-video", help="Leave out the video.")] = False,
+    resume: Annotated[bool, typer.Option("--resume", help="Continue the run in the folder.")] = False,
+    baselines: Annotated[bool, typer.Option("--baselines", help="Compare with CMA-ES and random search.")] = False,
+    no_verification: Annotated[
+        bool, typer.Option("--no-verification", help="Do not run the designs in the reference solver.")
+    ] = False,
+    no_video: Annotated[bool, typer.Option("--no-video", help="Do not render the video.")] = False,
 ) -> None:
-    """Shape a vessel by gradient, so that the water does what is asked; prove it in the reference solver.
+    """Optimize the shape of a vessel by gradients, and verify it in the reference solver.
 
     Example: surfsup design bowl -o out/bowl
     """
-    from surfsup.design.figure import draw_runs, require_matplotlib
     from surfsup.design.optimize import optimize
-    from surfsup.design.paper_tasks import asked_tasks
-    from surfsup.learned import weights_file
+    from surfsup.design.plots import plot_runs, require_matplotlib
+    from surfsup.design.task_options import tasks_from_options
     from surfsup.optim.stopping import Stop
     from surfsup.splishsplash import solver
     from surfsup.viewing.graphics import require_graphics
@@ -52,50 +51,54 @@ def design(
     require_matplotlib()
     if not no_video:
         require_graphics()
-    if not no_proof:
+    if not no_verification:
         solver.check_installed()
-    tasks = asked_tasks(task, out, start, frames, deepsdf, shape)
     runs: list[DesignRun] = []
-    named = model or weights_file.DEFAULT_MODEL
     with Stop() as stop:
-        for folder, one in tasks:
-            with design_line(folder.name) as tell:
-                run = optimize(one, folder, iterations, named, smooth, seed, resume, stop, tell)
+        for folder, each in tasks_from_options(task, out, start, frames, deepsdf, shape):
+            with progress_bar(folder.name) as bar:
+
+                def report(progress: Progress) -> None:
+                    bar.description = f"reward {progress.reward:.4f} at {progress.values}"
+                    bar(progress.iteration, progress.iterations, progress.seconds_left)
+
+                run = optimize(each, folder, iterations, smooth, seed, resume, stop, report)
             if not run.done:
                 raise typer.Exit(INTERRUPTED)
             runs.append(run)
     for run in runs:
-        finish(run, rivals, no_proof, no_video)
+        finish(run, baselines, no_verification, no_video)
     if len(runs) > 1:
-        typer.echo(f"all starts    {draw_runs(runs, out / 'starts.png')}")
+        typer.echo(f"all starts    {plot_runs(runs, out / 'starts.png')}")
 
 
-def finish(run: DesignRun, rivals: bool, no_proof: bool, no_video: bool) -> None:
-    """Write figure, shapes, verdict and video of a finished run, and say what came of it."""
-    from surfsup.design.figure import draw_runs
-    from surfsup.design.film import write_film
-    from surfsup.design.record import PATIENCE
+def finish(run: DesignRun, baselines: bool, no_verification: bool, no_video: bool) -> None:
+    """Write plots, shapes, verification and video of a finished run, and print the results."""
+    from surfsup.design.baselines import compare_with_baselines
+    from surfsup.design.history import PATIENCE
+    from surfsup.design.plots import plot_runs
     from surfsup.design.shape_files import write_shape
-    from surfsup.design.task import told
-    from surfsup.design.verdict import compare_rivals, prove
+    from surfsup.design.task import format_values
+    from surfsup.design.verification import verify
+    from surfsup.design.video import write_design_video
 
     folder, best = run.folder, run.designs[run.best]
-    typer.echo(f"{run.task.name}: reward {run.rewards[0]:.4f} at {told(run.designs[0])}")
-    if run.settled:
-        typer.echo(f"  settled after {len(run.rewards)} designs: the last {PATIENCE} gained nothing")
-    typer.echo(f"  best  {run.rewards[run.best]:.4f} at {told(best)}, iteration {run.best}")
-    typer.echo(f"  last  {run.rewards[-1]:.4f} at {told(run.designs[-1])}")
+    typer.echo(f"{run.task.name}: reward {run.rewards[0]:.4f} at {format_values(run.designs[0])}")
+    if run.converged:
+        typer.echo(f"  converged after {len(run.rewards)} designs: no improvement in the last {PATIENCE}")
+    typer.echo(f"  best  {run.rewards[run.best]:.4f} at {format_values(best)}, iteration {run.best}")
+    typer.echo(f"  last  {run.rewards[-1]:.4f} at {format_values(run.designs[-1])}")
     if (remedy := run.remedy()) is not None:
         typer.echo(remedy)
-    files = write_shape(run.task.surface(best, run.task.water()), folder, "best")
+    files = write_shape(run.task.surface(best, run.task.initial_state()), folder, "best")
     typer.echo(f"shape         {', '.join(str(file) for file in files)}")
-    typer.echo(f"figure        {draw_runs([run], folder / 'history.png')}")
-    if not no_proof:
-        with progress_bar("asking the reference solver") as tell:
-            typer.echo(prove(run, tell).text())
-    if rivals:
-        with progress_bar("searching without gradients") as tell:
-            typer.echo(compare_rivals(run, not no_proof, tell))
+    typer.echo(f"plot          {plot_runs([run], folder / 'history.png')}")
+    if not no_verification:
+        with progress_bar("verifying in the reference solver") as bar:
+            typer.echo(verify(run, bar).text())
+    if baselines:
+        with progress_bar("searching without gradients") as bar:
+            typer.echo(compare_with_baselines(run, not no_verification, bar))
     if not no_video:
-        with progress_bar("drawing the video") as tell:
-            typer.echo(f"video         {write_film(run, folder / 'design.mp4', tell)}")
+        with progress_bar("rendering the video") as bar:
+            typer.echo(f"video         {write_design_video(run, folder / 'design.mp4', bar)}")

@@ -1,4 +1,4 @@
-"""Inverse design: shapes whose parameters climb a reward of where the water goes."""
+"""Gradient-based shape optimization: parameters of a surface, optimized for where the water goes."""
 
 from surfsup.design.optimize import optimize
 from surfsup.design.paper.bowl import bowl
@@ -7,6 +7,6 @@ from surfsup.design.parameter import Parameter
 from surfsup.design.reward import Outcome, landing_near, near
 from surfsup.design.run import DesignRun
 from surfsup.design.task import Task
-from surfsup.design.verdict import prove
+from surfsup.design.verification import verify
 
-__all__ = ["DesignRun", "Outcome", "Parameter", "Task", "bowl", "funnel", "landing_near", "near", "optimize", "prove"]
+__all__ = ["DesignRun", "Outcome", "Parameter", "Task", "bowl", "funnel", "landing_near", "near", "optimize", "verify"]

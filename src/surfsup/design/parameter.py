@@ -1,4 +1,4 @@
-"""What a design may change: numbers with a range, and how far one iteration moves them."""
+"""Design parameters: numbers with bounds and a step length."""
 
 from __future__ import annotations
 
@@ -17,61 +17,63 @@ Bound = Numbers | Callable[[Values], Tensor]
 
 @dataclass(frozen=True)
 class Parameter:
-    """One number or array that shapes a surface.
+    """A number or an array that shapes a surface.
 
     Attributes:
-        start: where the design begins.
-        lower, upper: its range: one number for all, or one for each; a bound may also be told by the values of the
-            parameters listed before it.
-        step: about how far the first iterations move it, in its own units; the last ones move it less.
-        keeps: a value that it keeps once it has reached it, such as the 0 of a hole that has closed.
-        reach: how near to that value counts as reached, in its own units.
+        start: initial value.
+        lower, upper: bounds, one number for all elements or one for each. A bound may also be a function of the values
+            of the parameters listed before this one.
+        step: step length of the first iterations, in the parameter's own unit; later steps are shorter.
+        freeze_at: a value at which the parameter stays once it has reached it, such as 0 for a hole that has closed.
+        freeze_tolerance: how near to ``freeze_at`` counts as reached, in the parameter's own unit.
     """
 
     start: Numbers
     lower: Bound
     upper: Bound
     step: float
-    keeps: float | None = None
-    reach: float = 0.0
+    freeze_at: float | None = None
+    freeze_tolerance: float = 0.0
 
 
-def starts(parameters: Mapping[str, Parameter]) -> dict[str, Tensor]:
-    """The start of every parameter.
+def start_values(parameters: Mapping[str, Parameter]) -> dict[str, Tensor]:
+    """The initial value of every parameter.
 
     Raises:
-        InputError: one is not a finite number, or outside its range; says which range is possible.
+        InputError: one is not finite or out of bounds; the message gives the bounds.
     """
-    found: dict[str, Tensor] = {}
+    values: dict[str, Tensor] = {}
     for name, parameter in parameters.items():
         value = torch.as_tensor(parameter.start, dtype=torch.float32).clone()
-        low, high = bounds(parameter, found)
+        low, high = bounds(parameter, values)
         if not bool(torch.isfinite(value).all() and (value >= low).all() and (value <= high).all()):
-            raise InputError(f"the start of {name} is {span(value)}, outside what is possible here: {span(low, high)}")
-        found[name] = value
-    return found
+            raise InputError(
+                f"the start of {name} is {format_range(value)}, outside its bounds: {format_range(low, high)}"
+            )
+        values[name] = value
+    return values
 
 
-def span(*values: Tensor) -> str:
-    """The numbers as one range in words."""
-    numbers = torch.cat([value.flatten() for value in values])
+def format_range(*tensors: Tensor) -> str:
+    """The smallest and the largest number in the tensors, in words."""
+    numbers = torch.cat([tensor.flatten() for tensor in tensors])
     low, high = float(numbers.min()), float(numbers.max())
     return f"{low:.4g}" if numbers.numel() == 1 else f"{low:.4g} to {high:.4g}"
 
 
-def within(parameters: Mapping[str, Parameter], values: Values) -> dict[str, Tensor]:
-    """The values, each moved to the nearest in its range."""
-    found: dict[str, Tensor] = {}
+def clamp_to_bounds(parameters: Mapping[str, Parameter], values: Values) -> dict[str, Tensor]:
+    """The values, each clamped to its bounds."""
+    clamped: dict[str, Tensor] = {}
     for name, parameter in parameters.items():
-        low, high = bounds(parameter, found)
-        found[name] = torch.minimum(torch.maximum(values[name], low), high)
-    return found
+        low, high = bounds(parameter, clamped)
+        clamped[name] = torch.minimum(torch.maximum(values[name], low), high)
+    return clamped
 
 
-def bounds(parameter: Parameter, before: Values) -> tuple[Tensor, Tensor]:
-    """The range of a parameter where those ``before`` it have these values, as tensors of its shape or of none."""
+def bounds(parameter: Parameter, previous: Values) -> tuple[Tensor, Tensor]:
+    """The bounds of a parameter for these values of the ``previous`` ones, as tensors of its shape or scalars."""
     low, high = (
-        torch.as_tensor(bound(before) if callable(bound) else bound, dtype=torch.float32)
+        torch.as_tensor(bound(previous) if callable(bound) else bound, dtype=torch.float32)
         for bound in (parameter.lower, parameter.upper)
     )
     return low, high

@@ -1,6 +1,6 @@
-"""What a design is to reach, as a number of where the water is in the end; more is better.
+"""Rewards: the objective of a design, a number computed from where the water ends.
 
-The densities are those of section 7.1 of the SURFSUP supplement, the mean over the particles of the logarithm.
+The densities are those of section 7.1 of the SURFSUP supplement: means of a log density over the particles.
 """
 
 from __future__ import annotations
@@ -17,12 +17,12 @@ from surfsup.errors import InputError
 
 @dataclass(frozen=True)
 class Outcome:
-    """How a rollout ended.
+    """The end of a rollout.
 
     Attributes:
-        positions: (N, 3) of all particles in meters; where it landed for one that reached the floor and so left.
-        landed: (N,) bool, who did.
-        parameters: the design that made it, by name.
+        positions: (N, 3) of all particles, meters; the landing position of those that have landed.
+        landed: (N,) bool, which particles have reached the floor and left the simulation.
+        parameters: values of the design, by name.
     """
 
     positions: Tensor
@@ -30,17 +30,17 @@ class Outcome:
     parameters: Mapping[str, Tensor]
 
 
-FADING = 0.04  # meters above the floor in which a particle's share of the smooth mean falls to a third
+DECAY_HEIGHT = 0.04  # meters above the floor over which a particle's weight in the smooth mean falls to 1/e
 
 Reward = Callable[[Outcome], Tensor]
 
 
 def near(center: Sequence[float], variance: float) -> Reward:
-    """The mean log density of N(``center``, ``variance``) at the places of all particles: the bowl's reward.
+    """The reward of the bowl: the mean log density of N(``center``, ``variance``) at all particles.
 
     Args:
         center: (3,), meters.
-        variance: in m², the same in every direction.
+        variance: m², the same in every direction.
     """
 
     def reward(end: Outcome) -> Tensor:
@@ -50,39 +50,40 @@ def near(center: Sequence[float], variance: float) -> Reward:
 
 
 def landing_near(center: Sequence[float], variance: float, floor: float) -> Reward:
-    """The mean log density of N(``center``, ``variance``) over the floor where particles landed: the funnel's reward.
+    """The reward of the funnel: the mean log density of N(``center``, ``variance``) at the landed particles.
 
-    A wider spout lets more particles land in time, but that a particle comes to count is a step, which has no gradient.
-    So the gradient, and only that, is of the mean in which those in the air count too, the less the higher they are.
+    A wider spout lets more particles land in time, but whether a particle has landed is a step function without
+    gradient. Therefore the gradient, not the value, is that of a smooth mean that includes the particles in the air,
+    with a weight that decreases with their height.
 
     Args:
         center: (2,), meters.
-        variance: in m², the same in every direction.
-        floor: height in meters at which particles land.
+        variance: m², the same in both directions.
+        floor: height at which particles land, meters.
 
     Raises:
-        NothingLanded: no particle has, so there is no such mean.
+        NothingLanded: no particle has landed, so the mean is undefined.
     """
 
     def reward(end: Outcome) -> Tensor:
         if not bool(end.landed.any()):
             raise NothingLanded(
-                "no particle reached the floor, so the reward is undefined; give more --frames, or a start whose hole "
-                "lets water through"
+                "no particle reached the floor, so the reward is undefined; use more --frames, or a start with a wider "
+                "hole"
             )
         density = log_density(end.positions[:, :2], center, variance)
-        share = torch.exp(-(end.positions[:, 2] - floor).clamp(min=0) / FADING)
-        smooth = (share * density).sum() / share.sum()
+        weight = torch.exp(-(end.positions[:, 2] - floor).clamp(min=0) / DECAY_HEIGHT)
+        smooth = (weight * density).sum() / weight.sum()
         return density[end.landed].mean().detach() + smooth - smooth.detach()
 
     return reward
 
 
 class NothingLanded(InputError):
-    """A reward over landed particles has none to look at."""
+    """A reward over landed particles is undefined because none has landed."""
 
 
-def log_density(places: Tensor, center: Sequence[float], variance: float) -> Tensor:
-    """The log density (N,) of a normal distribution around ``center`` (D,) at ``places`` (N, D)."""
-    squared = (places - places.new_tensor(center)).square().sum(dim=-1)
-    return -squared / (2 * variance) - places.shape[1] / 2 * math.log(2 * math.pi * variance)
+def log_density(points: Tensor, center: Sequence[float], variance: float) -> Tensor:
+    """The log density (N,) of an isotropic normal distribution around ``center`` (D,) at ``points`` (N, D)."""
+    squared = (points - points.new_tensor(center)).square().sum(dim=-1)
+    return -squared / (2 * variance) - points.shape[1] / 2 * math.log(2 * math.pi * variance)

@@ -1,4 +1,4 @@
-"""A design run: looking at the design as it is, and taking a step uphill."""
+"""A design run: evaluate the current design, and take a step uphill."""
 
 from __future__ import annotations
 
@@ -10,114 +10,105 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from surfsup.design.ascent import Ascent
-from surfsup.design.parameter import starts
-from surfsup.design.record import Record
-from surfsup.design.reward import Outcome
-from surfsup.design.rollout import Water
-from surfsup.design.task import Task, told
-from surfsup.design.trust import Trust
+from surfsup.design.gradient_check import GradientCheck
+from surfsup.design.history import DesignHistory
+from surfsup.design.optimizer import Optimizer
+from surfsup.design.parameter import start_values
+from surfsup.design.task import Task, format_values
 from surfsup.errors import InputError, SimulationError
-from surfsup.learned.corrected.simulator import CorrectedSimulator
 from surfsup.optim.checkpoint import CheckpointFiles
+from surfsup.sph.solver import DfsphSolver
+from surfsup.sph.state import ParticleState
 
-OFTEN = 0.1  # share of iterations with a cut gradient from which a remedy is offered
+FREQUENT_CLIPPING = 0.1  # fraction of iterations with a clipped gradient from which a remedy is suggested
 
 
-class DesignRun(Record):
-    """One design run, with what it has looked at.
+class DesignRun(DesignHistory):
+    """One optimization of a task by gradients through the DFSPH solver.
 
     Attributes:
         task: what is designed.
-        simulator, model: that tells where the water goes, and its name.
-        ascent: the design now.
-        trust: what the gradients have been worth.
+        folder: where the run is saved.
+        simulator: the solver.
+        optimizer: the current design.
+        gradient_check: the reliability of the gradients.
     """
 
-    def __init__(
-        self,
-        task: Task,
-        folder: Path,
-        simulator: CorrectedSimulator,
-        model: str,
-        iterations: int = 100,
-        smoothing: float | None = None,
-        seed: int = 0,
-    ) -> None:
-        """A run that has not begun.
+    def __init__(self, task: Task, folder: Path, iterations: int = 100, smoothing: float = 0.0, seed: int = 0) -> None:
+        """A run before its first iteration.
 
         Args:
             task: what to design.
-            folder: where it is kept.
-            simulator: the learned simulator.
-            model: its name.
-            iterations: steps uphill.
-            smoothing: meters by which the water's start is moved aside at random in each iteration; None leaves it to
-                the task.
-            seed: of those moves.
+            folder: where to save the run.
+            iterations: maximum number of steps.
+            smoothing: meters by which the fluid's start is shifted at random in each iteration; it smooths a rough
+                reward.
+            seed: of the random shifts and directions.
 
         Raises:
-            InputError: a start is outside its range, or the simulator is of a kind without gradients here.
+            InputError: a start value is out of bounds.
         """
-        if not isinstance(simulator, CorrectedSimulator):
-            raise InputError(
-                f"the model '{model}' is of kind '{simulator.kind}'; a design needs one of kind '{CorrectedSimulator.kind}'"
-            )
         super().__init__()
-        self.task, self.folder, self.simulator, self.model = task, folder, simulator, model
-        self.smoothing = task.smoothing if smoothing is None else smoothing
-        self.seed = seed
-        self.start = starts(task.parameters)
-        self.ascent = Ascent(task.parameters, self.start, iterations)
-        self.trust = Trust()
+        self.task, self.folder, self.smoothing, self.seed = task, folder, smoothing, seed
+        self.simulator = DfsphSolver()
+        self.start = start_values(task.parameters)
+        self.optimizer = Optimizer(task.parameters, self.start, iterations)
+        self.gradient_check = GradientCheck()
         self.files = CheckpointFiles(folder)
 
     @property
     def done(self) -> bool:
-        """Whether every iteration was taken and the last design looked at, or nothing is gained any more."""
-        return len(self.rewards) > self.ascent.iterations or self.settled
+        """Whether all iterations are done and the last design is evaluated, or the run has converged."""
+        return len(self.rewards) > self.optimizer.iterations or self.converged
 
     def iterate(self) -> None:
-        """Look at the design as it is, and take a step uphill; after the last step only look."""
-        water = self.task.water(self.shift())
-        values = self.ascent.values
-        if self.ascent.iteration == self.ascent.iterations:
+        """Evaluate the current design and take a step; after the last step only evaluate.
+
+        Raises:
+            InputError: the reward is not finite or does not depend on the shape, or the shape intersects the fluid's
+                start or the container.
+            SimulationError: the simulation diverged.
+        """
+        state = self.task.initial_state(self.shift())
+        values = self.optimizer.values
+        if self.optimizer.iteration == self.optimizer.iterations:
             with torch.no_grad():
-                reward = self.task.score(self.task.simulate(self.simulator, values, water))
-            self.note(reward, values)
+                reward = self.task.score(self.task.simulate(self.simulator, values, state))
+            self.append(reward, values)
             return
-        reward = self.task.score(self.task.simulate(self.simulator, values, water))
-        slope = self.ascent.coordinates.slope(self.gradients(reward))
-        self.note(reward, values)
-        reward_now, gained, leap = self.rewards[-1], max(self.rewards) - self.rewards[0], None
-        reliable = self.trust.weigh(self.ascent, slope, reward_now, gained)
-        if self.trust.doubted:
-            random = np.random.default_rng([self.seed, self.ascent.iteration, 1])
-            told_by = self.trust.measured(self.ascent, slope, reward_now, self.plain_reward(water), random)
-            slope, leap, reliable = told_by.slope, told_by.leap, True
-        self.ascent.take(slope, reliable, leap)
+        reward = self.task.score(self.task.simulate(self.simulator, values, state))
+        gradient = self.optimizer.space.gradient_vector(self.gradients(reward))
+        self.append(reward, values)
+        current, total_gain, known_step = self.rewards[-1], max(self.rewards) - self.rewards[0], None
+        reliable = self.gradient_check.compare(self.optimizer, gradient, current, total_gain)
+        if self.gradient_check.unreliable:
+            random = np.random.default_rng([self.seed, self.optimizer.iteration, 1])
+            score = self.score_without_gradient(state)
+            measured = self.gradient_check.measure(self.optimizer, gradient, current, score, random)
+            gradient, known_step, reliable = measured.gradient, measured.step_to_maximum, True
+        self.optimizer.step(gradient, reliable, known_step)
 
-    def plain_reward(self, water: Water) -> Callable[[Tensor], float | None]:
-        """The reward at a place of the ascent, by a rollout without a way back; each one counts as a simulation."""
+    def score_without_gradient(self, state: ParticleState) -> Callable[[Tensor], float | None]:
+        """The reward as a function of the parameter vector (P,); None where it is undefined. It counts simulations."""
 
-        def score(place: Tensor) -> float | None:
+        def score(vector: Tensor) -> float | None:
             self.simulations += 1
-            values = self.ascent.coordinates.values(place)
+            values = self.optimizer.space.to_values(vector)
             try:
                 with torch.no_grad():
-                    return float(self.task.score(self.task.simulate(self.simulator, values, water)))
+                    return float(self.task.score(self.task.simulate(self.simulator, values, state)))
             except (InputError, SimulationError):
                 return None
 
         return score
 
     def gradients(self, reward: Tensor) -> dict[str, Tensor]:
-        """Of the reward in every value.
+        """The gradients of the reward with respect to the values, by name.
 
         Raises:
-            InputError: at the start it does not depend on any.
+            InputError: at the start the reward depends on none of them.
         """
-        values = self.ascent.values
+        values = self.optimizer.values
         found: tuple[Tensor | None, ...] = (None,) * len(values)
         if reward.requires_grad:
             found = torch.autograd.grad(reward, list(values.values()), allow_unused=True)
@@ -127,42 +118,37 @@ class DesignRun(Record):
         }
         if not self.rewards and not any(bool(gradient.any()) for gradient in gradients.values()):
             raise InputError(
-                f"{self.task.name}: the reward does not depend on {', '.join(values)} at {told(values)}: no water that "
-                "counts meets the shape; move the shape or the water, or give more frames"
+                f"{self.task.name}: the reward does not depend on {', '.join(values)} at {format_values(values)}: no "
+                "water that the reward counts meets the shape; move the shape or the water, or use more frames"
             )
         return gradients
 
     def shift(self) -> tuple[float, float]:
-        """How far the water's start is moved aside in this iteration, meters."""
-        if not self.smoothing or self.ascent.iteration == self.ascent.iterations:
+        """The shift of the fluid's start in this iteration, meters."""
+        if not self.smoothing or self.optimizer.iteration == self.optimizer.iterations:
             return 0.0, 0.0
-        x, y = np.random.default_rng([self.seed, self.ascent.iteration]).uniform(-self.smoothing, self.smoothing, 2)
+        random = np.random.default_rng([self.seed, self.optimizer.iteration])
+        x, y = random.uniform(-self.smoothing, self.smoothing, 2)
         return float(x), float(y)
 
-    def outcome(self, number: int) -> Outcome:
-        """The water's end in design ``number``, simulated again."""
-        with torch.no_grad():
-            return self.task.simulate(self.simulator, self.designs[number], self.task.water())
-
     def remedy(self) -> str | None:
-        """What to try where gradients exploded often; None where they did not."""
-        if self.ascent.cut <= OFTEN * len(self.rewards):
+        """What to try if gradients were clipped often; None if they were not."""
+        if self.optimizer.clipped <= FREQUENT_CLIPPING * len(self.rewards):
             return None
         return (
-            f"the gradient exploded and was cut in {self.ascent.cut} of {len(self.rewards)} iterations; fewer --frames "
-            "make it tamer, and so does --smooth 0.005, which moves the water's start a little in every iteration"
+            f"the gradient exploded and was clipped in {self.optimizer.clipped} of {len(self.rewards)} iterations; "
+            "fewer --frames make it smaller, and so does --smooth 0.005, which shifts the water's start at random"
         )
 
     @property
     def config(self) -> dict[str, Any]:
-        """What makes it this run and no other, fit for JSON."""
+        """What identifies the run, for JSON."""
         return {
             "task": self.task.name,
             "start": {name: value.tolist() for name, value in self.start.items()},
             "scene": self.task.scene.to_yaml(),
             "frames": self.task.scene.frames - 1,
-            "iterations": self.ascent.iterations,
-            "model": self.model,
+            "iterations": self.optimizer.iterations,
             "smoothing": self.smoothing,
             "seed": self.seed,
         }

@@ -1,4 +1,4 @@
-"""A design task: a shape with parameters, the scene that it stands in, and what is asked of the water."""
+"""A design task: a parametric shape, a scene, and a reward."""
 
 from __future__ import annotations
 
@@ -9,27 +9,28 @@ import torch
 
 from surfsup.design.parameter import Parameter, Values
 from surfsup.design.reward import Outcome, Reward
-from surfsup.design.rollout import Water, last_frame
+from surfsup.design.rollout import last_frame
 from surfsup.errors import InputError
-from surfsup.learned.corrected.simulator import CorrectedSimulator
 from surfsup.scene import SURFACE_CLEARANCE, Scene
 from surfsup.sdf import Surface
-from surfsup.sph.state import Environment
+from surfsup.sph.environment import Environment
+from surfsup.sph.simulator import Simulator
+from surfsup.sph.state import ParticleState
+
+TOLERANCE = 1e-4  # meters
 
 
 @dataclass(frozen=True)
 class Task:
-    """What is to be designed.
+    """What is designed, and for what.
 
     Attributes:
-        name: of the task, for files and titles.
-        shape: the solid of given parameters, each a tensor by its name; gradients flow through it.
-        parameters: what may change, by name.
-        scene: container, water, gravity and the number of frames, the start among them; its own surface is ignored.
-        reward: what is to grow.
-        floor: height in meters at which particles leave the simulation; None keeps all.
-        smoothing: meters by which the water's start is moved aside at random in each iteration, unless the run says
-            otherwise: it smooths a reward that is rough.
+        name: for files and titles.
+        shape: makes the surface from the values of the parameters, tensors given by name; it is differentiable.
+        parameters: by name.
+        scene: container, fluid, gravity and the number of frames including the first; its own surface is ignored.
+        reward: the objective, to maximize.
+        floor: height in meters at which particles land and leave the simulation; None for no floor.
     """
 
     name: str
@@ -38,56 +39,54 @@ class Task:
     scene: Scene
     reward: Reward
     floor: float | None = None
-    smoothing: float = 0.0
 
-    def water(self, shift: tuple[float, float] = (0.0, 0.0)) -> Water:
-        """The scene's fluid as it starts, moved by ``shift`` meters along x and y."""
-        start = self.scene.start(None)
-        offset = torch.tensor([*shift, 0.0])
-        positions = torch.from_numpy(start.positions) + offset
-        return Water(positions, torch.from_numpy(start.particle_velocities), floor=self.floor)
+    def initial_state(self, shift: tuple[float, float] = (0.0, 0.0)) -> ParticleState:
+        """The scene's fluid at the start, moved by ``shift`` meters along x and y."""
+        start = self.scene.initial_particles(None)
+        positions = torch.from_numpy(start.positions) + torch.tensor([*shift, 0.0])
+        return ParticleState(positions, torch.from_numpy(start.velocities))
 
-    def surface(self, values: Values, water: Water) -> Surface:
-        """The solid of these values.
+    def surface(self, values: Values, start: ParticleState) -> Surface:
+        """The surface with these values.
 
         Raises:
-            InputError: it reaches into the water's start or out of the container.
+            InputError: it intersects the fluid at the start or the container.
         """
         surface = self.shape(**values)
         with torch.no_grad():
             lower, upper = surface.bounds().double()
             container = self.scene.container
-            room = torch.tensor([container.lower, container.upper], dtype=torch.float64)
-            if bool((lower < room[0] - TOLERANCE).any() or (upper > room[1] + TOLERANCE).any()):
+            corners = torch.tensor([container.lower, container.upper], dtype=torch.float64)
+            if bool((lower < corners[0] - TOLERANCE).any() or (upper > corners[1] + TOLERANCE).any()):
                 raise InputError(
-                    f"{self.name}: the shape reaches out of the container at {told(values)}: it needs "
-                    f"{corner(lower)} to {corner(upper)} m, the container is {corner(room[0])} to {corner(room[1])} m; "
-                    "give narrower ranges or a larger container"
+                    f"{self.name}: the shape leaves the container at {format_values(values)}: it extends from "
+                    f"{format_point(lower)} to {format_point(upper)} m, the container from {format_point(corners[0])} "
+                    f"to {format_point(corners[1])} m; use narrower bounds or a larger container"
                 )
-            inside = int((surface.distance(water.positions) < SURFACE_CLEARANCE - TOLERANCE).sum())
+            inside = int((surface.distance(start.positions) < SURFACE_CLEARANCE - TOLERANCE).sum())
         if inside:
             raise InputError(
-                f"{self.name}: the shape swallows the start of {inside} of {len(water.positions)} particles at "
-                f"{told(values)}; start the water higher or give narrower ranges"
+                f"{self.name}: the shape overlaps the start of {inside} of {len(start.positions)} particles at "
+                f"{format_values(values)}; start the water higher or use narrower bounds"
             )
         return surface
 
-    def simulate(self, simulator: CorrectedSimulator, values: Values, water: Water) -> Outcome:
-        """The water's end in the solid of these values, differentiable in those that record gradients.
+    def simulate(self, simulator: Simulator[ParticleState], values: Values, start: ParticleState) -> Outcome:
+        """The end of the rollout with these values, differentiable with respect to those that require gradients.
 
         Raises:
-            InputError: the solid is in the water's way or out of the container.
-            SimulationError: the simulation blew up.
+            InputError: the surface intersects the fluid at the start or the container.
+            SimulationError: the simulation diverged.
         """
-        environment = Environment.of(self.scene, self.surface(values, water))
-        end = last_frame(simulator, environment, water, self.scene.frames - 1)
+        environment = Environment.of(self.scene, self.surface(values, start))
+        end = last_frame(simulator, environment, start, self.scene.frames - 1, self.floor)
         return Outcome(end.positions, end.landed, values)
 
     def score(self, outcome: Outcome) -> torch.Tensor:
-        """The reward of an outcome, a tensor of no dimension.
+        """The reward of an outcome, a scalar tensor.
 
         Raises:
-            InputError: it is no number, or not finite.
+            InputError: the reward is not a scalar tensor, or not finite.
         """
         reward = self.reward(outcome)
         if not isinstance(reward, torch.Tensor) or reward.numel() != 1:
@@ -95,23 +94,20 @@ class Task:
             raise InputError(f"{self.name}: the reward is {found}, but must be one number in a tensor")
         if not bool(torch.isfinite(reward.detach()).all()):
             raise InputError(
-                f"{self.name}: the reward is {float(reward.detach())} at {told(outcome.parameters)}; it must be a "
-                "finite number of every outcome"
+                f"{self.name}: the reward is {float(reward.detach())} at {format_values(outcome.parameters)}; it must "
+                "be finite for every outcome"
             )
         return reward.reshape(())
 
 
-TOLERANCE = 1e-4  # meters
-
-
-def told(values: Values) -> str:
-    """Values as one line: single numbers by name, arrays by their size."""
+def format_values(values: Values) -> str:
+    """Values on one line: scalars by name, arrays by their size."""
     return ", ".join(
         f"{name} {float(value.detach()):.4g}" if value.ndim == 0 else f"{name} ({value.numel()} numbers)"
         for name, value in values.items()
     )
 
 
-def corner(place: torch.Tensor) -> str:
-    """A place in meters, in brackets."""
-    return "(" + ", ".join(f"{value:.3g}" for value in place.tolist()) + ")"
+def format_point(point: torch.Tensor) -> str:
+    """A point (3,) in brackets."""
+    return "(" + ", ".join(f"{value:.3g}" for value in point.tolist()) + ")"

@@ -1,9 +1,9 @@
-"""The latent design of section 7 of the SURFSUP supplement: the code of a chair moves until the chair holds water.
+"""The latent design of the SURFSUP supplement, section 7: the latent code of a chair, optimized to hold water.
 
-The chair is a DeepSDF's. The reward is the bowl's, with its own variance, around the center of the unit sphere that
-holds the chair; to it comes the Gaussian prior under which the codes were fitted, as their own mean and spread tell it,
-so that the code stays one of something like a chair. The weight of the prior, the chair's size and the water are ours:
-the sphere is 0.4 m in radius, and the water comes down on it at 2 m/s, as if it had fallen 0.2 m.
+The chair is a DeepSDF. The reward is that of the bowl, with its own variance, around the center of the chair's unit
+sphere, plus the log of the Gaussian prior under which the codes were fitted, with their mean and standard deviation, so
+that the shape stays a chair. Weight of the prior, size of the chair and water are our choice: the sphere has a radius
+of 0.4 m, and the water hits it at 2 m/s, as after a fall of 0.2 m.
 """
 
 from __future__ import annotations
@@ -21,66 +21,66 @@ from surfsup.native.dispatch import needs_gradient
 from surfsup.scene import Block, Fluid, Scene
 from surfsup.sdf import Surface, Transformed
 from surfsup.sdf.neural.deepsdf import DeepSdfSurface, load_deepsdf
-from surfsup.sdf.neural.surface import NEAR
+from surfsup.sdf.neural.surface import NETWORK_RANGE
 from surfsup.sph.kernels import KERNEL_SUPPORT
 
 VARIANCE = 0.6  # m² (supplement, section 7.1)
-FRAMES = 50  # the bowl's
-RADIUS = 0.4  # meters: what the unit sphere becomes
+FRAMES = 50  # as for the bowl
+RADIUS = 0.4  # meters, of the scaled unit sphere
 CENTER = 0.43  # meters of its center above the floor
 WATER = (0.36, 0.18)  # meters, side and height of the block
 BOTTOM = 0.88  # meters of the block above the floor
 SPEED = 2.0  # m/s
-PRIOR = 1e-3  # of the mean squared distance from the mean code, in spreads
-STEP = 0.1  # of the spread of the codes
-FELT = 1.5 * KERNEL_SUPPORT / RADIUS  # in the unit of the network: farther off no particle feels the chair
-FARTHEST = 4.0  # spreads that any number of the code may be off the mean
+PRIOR_WEIGHT = 1e-3  # of the mean squared deviation of the code, in standard deviations
+STEP = 0.1  # in standard deviations of the codes
+GRADIENT_RANGE = 1.5 * KERNEL_SUPPORT / RADIUS  # in the network's unit; a surface beyond it does not act on a particle
+MAX_DEVIATION = 4.0  # bound of each element of the code, in standard deviations from the mean
 
 
 def latent(file: Path, shape: str | None = None, frames: int = FRAMES) -> Task:
-    """The task, from the code of one of the shapes in ``file``, over so many frames.
+    """The task, starting with the code of a shape in ``file``, with this number of frames.
 
     Raises:
-        InputError: the file is not one of a DeepSDF, holds no such shape, or too few to tell a prior.
+        InputError: the file is not a DeepSDF, has no such shape, or has too few shapes for a prior.
     """
     shapes = load_deepsdf(file)
     start = shapes.code(shape)
     if len(shapes.codes) < 2:
-        raise InputError(f"{file}: holds one shape, which tells no prior of codes; fit several")
-    middle, spread = shapes.codes.mean(dim=0), shapes.codes.std(dim=0).clamp(min=1e-6)
+        raise InputError(f"{file}: contains one shape, too few for a prior of codes; fit several")
+    mean, std = shapes.codes.mean(dim=0), shapes.codes.std(dim=0).clamp(min=1e-6)
 
-    def solid(code: Tensor) -> Surface:
-        # Far from its zero the network is not to be trusted; the lattice of this very code is.
+    def chair(code: Tensor) -> Surface:
+        # The network is inaccurate far from its zero set; the grid belongs to this code alone.
         surface = shapes.surface(code)
         with torch.no_grad():
-            surface.with_lattice()
-        return Transformed(Moving(surface), translation=(0.0, 0.0, CENTER), scale=RADIUS)
+            surface.with_grid()
+        return Transformed(DifferentiableShape(surface), translation=(0.0, 0.0, CENTER), scale=RADIUS)
 
-    gathered = near((0.0, 0.0, CENTER), VARIANCE)
+    water_reward = near((0.0, 0.0, CENTER), VARIANCE)
 
     def reward(end: Outcome) -> Tensor:
-        return gathered(end) - PRIOR * ((end.parameters["code"] - middle) / spread).square().mean() / 2
+        return water_reward(end) - PRIOR_WEIGHT * ((end.parameters["code"] - mean) / std).square().mean() / 2
 
-    side, tall = WATER
+    side, height = WATER
     block = Block(
-        min=(-side / 2, -side / 2, BOTTOM), max=(side / 2, side / 2, BOTTOM + tall), velocity=(0.0, 0.0, -SPEED)
+        min=(-side / 2, -side / 2, BOTTOM), max=(side / 2, side / 2, BOTTOM + height), velocity=(0.0, 0.0, -SPEED)
     )
-    ranges = (middle - FARTHEST * spread, middle + FARTHEST * spread)
+    bounds = (mean - MAX_DEVIATION * std, mean + MAX_DEVIATION * std)
     return Task(
         name="latent",
-        shape=solid,
-        parameters={"code": Parameter(start, *ranges, STEP * float(spread.mean()))},
+        shape=chair,
+        parameters={"code": Parameter(start, *bounds, STEP * float(std.mean()))},
         scene=Scene(fluid=[Fluid(block=block)], frames=frames + 1),
         reward=reward,
     )
 
 
-class Moving(Surface):
-    """The solid of a code whose far distances move with the code, too.
+class DifferentiableShape(Surface):
+    """A DeepSDF whose distances are differentiable with respect to the code everywhere.
 
-    Beyond the network's reach a distance comes from a lattice that knows one code only. But a distance changes as that
-    of the nearest point of the surface does, and there the network is at home: its value at that point, which is about
-    zero, lends the distance its gradient.
+    Beyond the network's range distances come from a grid of one code, without gradient. But a distance changes like
+    that of the closest point on the surface, where the network is accurate. Its value there, about zero, provides
+    the gradient.
     """
 
     def __init__(self, surface: DeepSdfSurface) -> None:
@@ -96,17 +96,17 @@ class Moving(Surface):
         distance, normal = self.surface.distance_and_normal(points)
         if not needs_gradient(points, module=self):
             return distance, normal
-        told = distance.detach()
-        far = torch.nonzero((told.abs() >= NEAR) & (told.abs() < FELT)).squeeze(-1)
-        foot = (points - distance[:, None] * normal).detach()[far]
-        value = self.surface.value(foot.float()).to(distance.dtype)
+        magnitude = distance.detach().abs()
+        far = torch.nonzero((magnitude >= NETWORK_RANGE) & (magnitude < GRADIENT_RANGE)).squeeze(-1)
+        closest = (points - distance[:, None] * normal).detach()[far]
+        value = self.surface.value(closest.float()).to(distance.dtype)
         return distance.index_add(0, far, value - value.detach()), normal
 
     @property
     def exact_outside(self) -> bool:
-        """As far as the network's own is: only nearly."""
+        """As for the network."""
         return self.surface.exact_outside
 
     def bounds(self) -> Tensor:
-        """The box around the solid (2, 3)."""
+        """A box (2, 3) that contains the solid."""
         return self.surface.bounds()
