@@ -4,16 +4,17 @@ import torch
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
 from surfsup.datasets.windows import Windows
-from surfsup.evaluation.validation_scores import first_trajectories
+from surfsup.evaluation.load_trajectories import trajectory_files
 from surfsup.training import tensorboard as module
 from surfsup.training.rollout_picture import draw_rollout
-from surfsup.training.tensorboard import TensorBoard, log_of
-from surfsup.training.train import Run, train
+from surfsup.training.run import TrainingRun
+from surfsup.training.tensorboard import TensorBoard, open_log
+from surfsup.training.train import train
 from surfsup.viewing.graphics import missing_packages
 from tests.training.conftest import Stop, config, stop_at
 
 
-def written(run: Run) -> EventAccumulator:
+def events_of(run: TrainingRun) -> EventAccumulator:
     events = EventAccumulator(str(run.folder / "tensorboard"))
     events.Reload()
     return events
@@ -23,18 +24,18 @@ def steps(events: EventAccumulator, name: str) -> list[int]:
     return [event.step for event in events.Scalars(name)]
 
 
-def test_the_course_of_a_run_is_written_and_written_over_on_resuming(tmp_path, data, monkeypatch):
-    monkeypatch.setattr(module, "STEPS_A_POINT", 2)
-    run = Run(config(), tmp_path)
+def test_a_resumed_run_overwrites_the_curves_after_its_checkpoint(tmp_path, data, monkeypatch):
+    monkeypatch.setattr(module, "STEPS_PER_POINT", 2)
+    run = TrainingRun(config(), tmp_path)
     with pytest.raises(Stop), TensorBoard(run, None) as log:
         train(run, Windows(data), data, report=stop_at(6), log=log)
-    resumed = Run(config(), tmp_path)
+    resumed = TrainingRun(config(), tmp_path)
     resumed.resume()
     with TensorBoard(resumed, None) as log:
         train(resumed, Windows(data), data, log=log)
-    events = written(run)
+    events = events_of(run)
     for name in (
-        "loss", "loss by solid/sphere", "error/near the surface", "error/far from the surface", "gradient norm",
+        "loss", "loss by surface/sphere", "error/near the surface", "error/far from the surface", "gradient norm",
         "learning rate", "steps a second",
     ):  # fmt: skip
         assert steps(events, name) == [2, 4, 6, 8]
@@ -45,28 +46,28 @@ def test_the_course_of_a_run_is_written_and_written_over_on_resuming(tmp_path, d
 
 @pytest.mark.skipif(bool(missing_packages()), reason="this machine cannot draw")
 def test_a_rollout_is_drawn_where_this_machine_can(tmp_path, data):
-    run = Run(config(steps=1, phases=[{"until": 1}]), tmp_path)
-    with log_of(run, data) as log:
+    run = TrainingRun(config(steps=1, phases=[{"until": 1}]), tmp_path)
+    with open_log(run, data) as log:
         train(run, Windows(data), data, log=log)
-    (picture,) = written(run).Images("rollout (below: the truth)")
+    (picture,) = events_of(run).Images("rollout (below: the truth)")
     assert (picture.step, picture.width, picture.height) == (1, 3 * 480, 2 * 360)
 
 
 @pytest.mark.skipif(bool(missing_packages()), reason="this machine cannot draw")
-def test_a_rollout_that_blows_up_is_drawn_as_an_empty_stage(data):
-    model = Run(config(), data).model.requires_grad_(False)
+def test_a_diverged_rollout_is_drawn_without_particles(data):
+    model = TrainingRun(config(), data).model.requires_grad_(False)
     for weight in model.parameters():
         weight.fill_(torch.nan)
-    picture = draw_rollout(model, first_trajectories(data, 1)[0], 4)
+    picture = draw_rollout(model, trajectory_files(data, 1)[0], 4)
     assert picture.shape == (2 * 360, 3 * 480, 3)
 
 
-def test_without_graphics_one_line_says_so(tmp_path, data, monkeypatch):
+def test_without_graphics_a_warning_says_so(tmp_path, data, monkeypatch):
     def refuse():
         raise module.InputError("pictures need libegl1")
 
     monkeypatch.setattr(module, "require_graphics", refuse)
-    run = Run(config(steps=1), tmp_path)
-    with pytest.warns(UserWarning, match="no pictures of rollouts: pictures need libegl1"), log_of(run, data) as log:
+    run = TrainingRun(config(steps=1), tmp_path)
+    with pytest.warns(UserWarning, match="no pictures of rollouts: pictures need libegl1"), open_log(run, data) as log:
         train(run, Windows(data), data, log=log)
-    assert steps(written(run), "rollout/chamfer") == [1]
+    assert steps(events_of(run), "rollout/chamfer") == [1]

@@ -5,152 +5,145 @@ import pytest
 import torch
 
 from surfsup.datasets.windows import Window, Windows
-from surfsup.learned.message_passing.history import History
-from surfsup.scene import NEAR_SURFACE_DISTANCE
+from surfsup.learned.message_passing.history import HISTORY_LENGTH, History
+from surfsup.scene import FRAME_TIME, NEAR_SURFACE_DISTANCE
 from surfsup.sph.neighbor_search import find_neighbors
-from surfsup.training.batches import EXAMPLES, prepare, read_batch
+from surfsup.training.batches import NORMALIZATION_WINDOWS, fit_normalizers
 from surfsup.training.config import Phase
 from surfsup.training.objectives import Batch
-from surfsup.training.objectives.acceleration import NEAR_WEIGHT
+from surfsup.training.objectives.acceleration import NEAR_WEIGHT, true_displacement
 from surfsup.training.objectives.density_loss import density_loss
-from surfsup.training.objectives.strayed import FASTEST
-from surfsup.training.run import Run
-from tests.training.conftest import MESSAGE_PASSING, batch_of, fresh, message_passing
+from surfsup.training.objectives.drift import MAX_VELOCITY_DRIFT
+from surfsup.training.run import TrainingRun
+from tests.training.conftest import MESSAGE_PASSING, batch_of, generators, message_passing
 
 QUIET = Phase(until=1, noise=0)
 
 
-@pytest.fixture(params=[1, 2])
-def run(request, tmp_path) -> Run:
-    return Run(message_passing("surfsup", stride=request.param), tmp_path)
+@pytest.fixture
+def run(tmp_path) -> TrainingRun:
+    return TrainingRun(message_passing("surfsup"), tmp_path)
+
+
+def state_of(run: TrainingRun, window: Window) -> History:
+    return run.model.state_from_frames(*window.history)
+
+
+def prediction(run: TrainingRun, state: History, window: Window) -> torch.Tensor:
+    return run.model.predict_acceleration(run.model.network_input(state, window.environment))
 
 
 def test_the_loss_is_the_weighted_squared_error_of_the_normalized_acceleration(run, data):
-    (window, _), model, stride = batch_of(run, data).windows, run.model, run.model.architecture.stride
-    assert (window.past, window.following) == (2 * stride, stride)
-    loss, rows = run.objective(Batch([window], fresh()[:1]), QUIET)
+    (window, _), normalizer = batch_of(run, data).windows, run.model.acceleration_normalizer
+    assert (window.history_length, window.frames_after) == (HISTORY_LENGTH, 1)
+    loss, rows = run.objective(Batch([window], generators()[:1]), QUIET)
     # The same from the true frames, written out.
-    places = [window.frame(number)[0] for number in (-stride, 0, stride)]
-    acceleration = places[2] - 2 * places[1] + places[0]
-    wanted = (acceleration - model.accelerations.mean) / model.accelerations.spread
-    error = (model.predict(model.observe(model.state_after(*window.up_to_now), window.environment)) - wanted).square()
-    near = window.environment.distance_and_normal(places[1])[0] < NEAR_SURFACE_DISTANCE
+    positions = [window.frame(number)[0] for number in (-1, 0, 1)]
+    acceleration = positions[2] - 2 * positions[1] + positions[0]
+    target = (acceleration - normalizer.mean) / normalizer.std
+    error = (prediction(run, state_of(run, window), window) - target).square()
+    near = window.environment.distance_and_normal(positions[1])[0] < NEAR_SURFACE_DISTANCE
     assert 0 < near.sum() < len(near)
     weight = torch.where(near, NEAR_WEIGHT, 1.0)
     torch.testing.assert_close(loss, (weight * error.mean(dim=1)).mean())
     torch.testing.assert_close(rows[0], torch.stack([loss, error[near].mean(), error[~near].mean()]))
 
 
-def strayed(state: History, place: float, last: float, faster: float) -> History:
-    """The state moved aside along x, with another last move and velocity."""
-    aside = torch.tensor([1.0, 0.0, 0.0])
-    moves = torch.cat([state.moves[:, :1] + last * aside, state.moves[:, 1:]], dim=1)
-    return History(state.positions + place * aside, state.velocities + faster * aside, moves)
+def drifted(state: History, position: float, last_displacement: float) -> History:
+    """The state moved along x, with another last displacement."""
+    x = torch.tensor([1.0, 0.0, 0.0])
+    displacements = torch.cat([state.displacements[:, :1] + last_displacement * x, state.displacements[:, 1:]], dim=1)
+    return History(state.positions + position * x, state.velocities, displacements)
 
 
-def test_a_state_that_strayed_a_little_is_asked_for_the_true_step(run, data):
+def test_the_target_of_a_state_with_small_drift_is_the_true_displacement(run, data):
     window = batch_of(run, data).windows[0]
-    state = strayed(run.model.state_after(*window.up_to_now), 0.2, 1e-3, 0.1)
-    for asked, true in zip(run.objective.asked_step(state, window, 0), run.objective.true_step(window, 0), strict=True):
-        torch.testing.assert_close(asked, true, atol=1e-6, rtol=0)
+    state = drifted(state_of(run, window), 0.2, 1e-3)
+    target = run.objective.target_displacement(state, window, 0)
+    torch.testing.assert_close(target, true_displacement(window, 0), atol=1e-6, rtol=0)
 
 
-def test_a_state_that_strayed_far_is_asked_to_make_good_no_more_than_the_bound(run, data):
-    window, time = batch_of(run, data).windows[0], run.model.step_time
-    true_state, true = run.model.state_after(*window.up_to_now), run.objective.true_step(window, 0)
-    state = strayed(true_state, 0.2, 3 * FASTEST * time, 3 * FASTEST)
-    move, velocities = run.objective.asked_step(state, window, 0)
-    aside = torch.tensor([1.0, 0.0, 0.0]).expand_as(move)
-    torch.testing.assert_close(move - true[0], 2 * FASTEST * time * aside, atol=1e-6, rtol=0)
-    torch.testing.assert_close(velocities - true[1], 2 * FASTEST * aside, atol=1e-5, rtol=0)
+def test_the_target_of_a_state_with_large_drift_corrects_no_more_than_the_bound(run, data):
+    window, bound = batch_of(run, data).windows[0], MAX_VELOCITY_DRIFT * FRAME_TIME
+    state = drifted(state_of(run, window), 0.2, 3 * bound)
+    target, true = run.objective.target_displacement(state, window, 0), true_displacement(window, 0)
+    x = torch.tensor([1.0, 0.0, 0.0]).expand_as(target)
+    torch.testing.assert_close(target - true, 2 * bound * x, atol=1e-6, rtol=0)
 
 
-def test_squeezing_costs_what_the_phase_weighs_it(run, data):
+def test_the_density_term_has_the_weight_of_the_phase(run, data):
     windows = batch_of(run, data).windows
-    plain, dear = (
-        run.objective(Batch(windows, fresh()), Phase(until=1, noise=0.01, density=weight))[0] for weight in (0, 2)
+    without, with_term = (
+        run.objective(Batch(windows, generators()), Phase(until=1, noise=0.01, density=weight))[0] for weight in (0, 2)
     )
-    states = [
-        run.objective.with_noise(run.model.state_after(*window.up_to_now), 0.01, random)
-        for window, random in zip(windows, fresh(), strict=True)
-    ]
-    reached = [
-        run.model.advance(s, run.model.predict(run.model.observe(s, w.environment)))[0]
-        for s, w in zip(states, windows, strict=True)
-    ]
-    squeezed = torch.stack(
-        [
-            density_loss(
-                places,
-                find_neighbors(places.detach(), 0.061),
-                window.environment.distance_and_normal(places)[0],
-                window.environment,
-            )
-            for places, window in zip(reached, windows, strict=True)
-        ]
-    ).mean()
-    assert squeezed > 0.01
-    torch.testing.assert_close(dear - plain, 2 * squeezed, rtol=1e-3, atol=1e-4)
+    terms = []
+    for window, random in zip(windows, generators(), strict=True):
+        state = run.objective.add_noise(state_of(run, window), 0.01, random)
+        positions, _ = run.model.integrate(state, prediction(run, state, window))
+        neighbors = find_neighbors(positions.detach(), 0.061)
+        distance, _ = window.environment.distance_and_normal(positions)
+        terms.append(density_loss(positions, neighbors, distance, window.environment))
+    term = torch.stack(terms).mean()
+    assert term > 0.01
+    torch.testing.assert_close(with_term - without, 2 * term, rtol=1e-3, atol=1e-4)
 
 
 @pytest.mark.parametrize("kind", MESSAGE_PASSING)
 def test_every_window_of_a_batch_counts(kind, tmp_path, data):
-    run = Run(message_passing(kind), tmp_path)
+    run = TrainingRun(message_passing(kind), tmp_path)
     windows = batch_of(run, data).windows
-    together, rows = run.objective(Batch(windows, fresh()), QUIET)
-    apart = [run.objective(Batch([window], fresh()[:1]), QUIET)[1] for window in windows]
+    together, rows = run.objective(Batch(windows, generators()), QUIET)
+    apart = [run.objective(Batch([window], generators()[:1]), QUIET)[1] for window in windows]
     torch.testing.assert_close(rows, torch.cat(apart), equal_nan=True, rtol=1e-4, atol=1e-5)
     torch.testing.assert_close(rows[:, 0].mean(), together)
 
 
-def test_noise_strays_by_what_is_asked_for_and_follows_from_the_generator(run, data):
-    state = run.model.state_after(*batch_of(run, data).windows[0].up_to_now)
-    assert run.objective.with_noise(state, 0.0, fresh()[0]) is state
-    one, same, other = (run.objective.with_noise(state, 1e-3, fresh()[number]) for number in (0, 0, 1))
-    assert torch.equal(one.moves, same.moves)
-    assert not torch.equal(one.moves, other.moves)
-    assert 7e-4 < float((one.moves - state.moves)[:, 0].std()) < 1.4e-3
+def test_noise_has_the_configured_size_and_follows_from_the_generator(run, data):
+    state = state_of(run, batch_of(run, data).windows[0])
+    assert run.objective.add_noise(state, 0.0, generators()[0]) is state
+    one, same, other = (run.objective.add_noise(state, 1e-3, generators()[number]) for number in (0, 0, 1))
+    assert torch.equal(one.displacements, same.displacements)
+    assert not torch.equal(one.displacements, other.displacements)
+    assert 7e-4 < float((one.displacements - state.displacements)[:, 0].std()) < 1.4e-3
 
 
-def test_a_window_that_begins_with_its_scene_gets_no_noise(run, data):
+def test_a_window_at_the_start_of_its_scene_gets_no_noise(run, data):
     window = batch_of(run, data).windows[0]
-    quiet, noisy = Phase(until=1, noise=0), Phase(until=1, noise=1e-3)
-    begun = dataclasses.replace(window, begins=True)
+    noisy = Phase(until=1, noise=1e-3)
+    at_start = dataclasses.replace(window, at_scene_start=True)
 
     def loss(window: Window, phase: Phase) -> torch.Tensor:
-        return run.objective(Batch([window], fresh()[:1]), phase)[0]
+        return run.objective(Batch([window], generators()[:1]), phase)[0]
 
-    assert torch.equal(loss(begun, noisy), loss(window, quiet))
-    assert not torch.equal(loss(window, noisy), loss(window, quiet))
+    assert torch.equal(loss(at_start, noisy), loss(window, QUIET))
+    assert not torch.equal(loss(window, noisy), loss(window, QUIET))
 
 
-def test_unrolled_steps_pass_a_gradient_to_every_weight(run, data):
-    batch = read_batch(Windows(data), run, 7)  # of the last phase
-    assert batch.windows[0].following >= 2 * run.objective.frames_per_step
-    loss, _ = run.objective(batch, run.config.phase(7))
+def test_a_step_passes_a_gradient_to_every_weight(run, data):
+    loss, _ = run.objective(batch_of(run, data, 7), run.config.phase(7))
     loss.backward()
     assert all(parameter.grad is not None and parameter.grad.isfinite().all() for parameter in run.model.parameters())
 
 
-def test_preparing_measures_what_the_network_sees(run, data):
-    prepare(Windows(data), run)
-    windows, stride, normalized = Windows(data), run.objective.frames_per_step, []
-    for number in range(EXAMPLES):
+def test_the_measured_normalizers_normalize_the_training_data(run, data):
+    fit_normalizers(Windows(data), run)
+    windows, normalized = Windows(data), []
+    for number in range(NORMALIZATION_WINDOWS):
         random = np.random.default_rng([run.config.seed, run.config.steps, number])
-        window = windows.draw(random, run.model.past, stride)
-        state = run.objective.with_noise(run.model.state_after(*window.up_to_now), run.config.phase(0).noise, random)
-        normalized.append(run.model.wanted(state, *run.objective.true_step(window, 0)))
-    every = torch.cat(normalized)
-    torch.testing.assert_close(every.mean(dim=0), torch.zeros(3), atol=1e-3, rtol=0)
-    torch.testing.assert_close(every.std(dim=0), torch.ones(3), atol=1e-3, rtol=0)
-    assert torch.equal(run.average.accelerations.spread, run.model.accelerations.spread)
+        window = windows.sample(random, run.model.history_length, 1)
+        state = run.objective.add_noise(state_of(run, window), run.config.phase(0).noise, random)
+        normalized.append(run.model.acceleration_target(state, true_displacement(window, 0)))
+    targets = torch.cat(normalized)
+    torch.testing.assert_close(targets.mean(dim=0), torch.zeros(3), atol=1e-3, rtol=0)
+    torch.testing.assert_close(targets.std(dim=0), torch.ones(3), atol=1e-3, rtol=0)
+    assert torch.equal(run.average.acceleration_normalizer.std, run.model.acceleration_normalizer.std)
 
 
 def test_bf16_is_for_the_network_alone(tmp_path, data):
-    run = Run(message_passing("surfsup", width=32), tmp_path / "32")
-    rounded = Run(message_passing("surfsup", width=32, precision="bf16"), tmp_path / "bf16")
-    batch = batch_of(run, data).windows
-    (exact, _), (close, _) = (one.objective(Batch(batch, fresh()), QUIET) for one in (run, rounded))
+    run = TrainingRun(message_passing("surfsup", width=32), tmp_path / "32")
+    rounded = TrainingRun(message_passing("surfsup", width=32, precision="bf16"), tmp_path / "bf16")
+    windows = batch_of(run, data).windows
+    (exact, _), (close, _) = (one.objective(Batch(windows, generators()), QUIET) for one in (run, rounded))
     assert close.dtype == torch.float32
     assert exact != close
     torch.testing.assert_close(close, exact, rtol=0.02, atol=0)

@@ -59,33 +59,30 @@ class CorrectionObjective(Objective[CorrectedSimulator, ParticleState]):
         self, states: Sequence[ParticleState], windows: Sequence[Window], number: int, phase: Phase
     ) -> list[WindowLoss]:
         """Predict one frame of every window, all in one pass of the network, and compare it with the truth."""
-        model = self.model
-        inputs = [
-            detach_kernels(model.observe(state, window.environment))
+        observations = [
+            detach_kernels(self.model.observe(state, window.environment))
             for state, window in zip(states, windows, strict=True)
         ]
+        corrections = split(self.model.correct(join_observations(observations)), observations)
         losses = []
-        for window, seen, correction in zip(
-            windows, inputs, split(model.correct(join_observations(inputs)), inputs), strict=True
-        ):
-            target = target_correction(seen, window.frame(number), window.frame(number + 1))
-            with torch.no_grad():
-                weight = drift_weight(seen.state.positions - window.frame(number)[0])
-                near = window.environment.distance_and_normal(seen.positions)[0] < NEAR_SURFACE_DISTANCE
+        for window, observation, correction in zip(windows, observations, corrections, strict=True):
+            before, after = window.frame(number), window.frame(number + 1)
+            target = target_correction(observation, before, after)
+            weight = drift_weight(observation.state.positions - before[0]).detach()
+            near = observation.last_query.distance < NEAR_SURFACE_DISTANCE
             loss = correction_loss(correction, target, near, weight)
             if phase.small_errors > 0:
                 loss = loss + phase.small_errors * small_error_loss(correction, target, weight)
             error = squared_error(correction, target)
-            losses.append(
-                WindowLoss(loss, masked_mean(error, near), masked_mean(error, ~near), *correction.added_to(seen.positions, seen.velocities))
-            )
+            positions, velocities = correction.added_to(observation.positions, observation.velocities)
+            losses.append(WindowLoss(loss, masked_mean(error, near), masked_mean(error, ~near), positions, velocities))
         return losses
 
 
-def detach_kernels(seen: Observation) -> Observation:
+def detach_kernels(observation: Observation) -> Observation:
     """The observation without gradients through its kernels, which are constants of the step."""
-    graph = seen.substep.graph
-    return replace(seen, substep=replace(seen.substep, graph=KernelGraph(graph.neighbors, graph.kernels.detach())))
+    substep, graph = observation.substep, observation.substep.graph
+    return replace(observation, substep=replace(substep, graph=KernelGraph(graph.neighbors, graph.kernels.detach())))
 
 
 def split(joined: Correction, parts: list[Observation]) -> list[Correction]:

@@ -19,7 +19,7 @@ SIZE_FLOOR = 0.05  # added to a frame's mean squared target, so that frames at r
 SMALL_ERROR = 0.1  # in units of a correction; the small-error term ignores errors far below it
 
 
-def target_correction(seen: Observation, before: Frame, after: Frame) -> Correction:
+def target_correction(observation: Observation, before: Frame, after: Frame) -> Correction:
     """The correction that leads from a state to the true velocities and by the true displacement.
 
     Of the position drift only the share POSITION_RETURN is corrected. Most of it is chaos that cannot be inferred from
@@ -27,17 +27,16 @@ def target_correction(seen: Observation, before: Frame, after: Frame) -> Correct
     bounds in :mod:`.drift` only as much as of one at the bounds is corrected.
 
     Args:
-        seen: the input of the network.
+        observation: the solver's frame, which the network corrects.
         before: true positions (N, 3) in meters and velocities (N, 3) in m/s of the same frame.
         after: the same one frame later.
     """
-    position_drift = (seen.state.positions - before[0]).detach()
-    velocity_drift = (seen.state.velocities - before[1]).detach()
+    position_drift = (observation.state.positions - before[0]).detach()
+    velocity_drift = (observation.state.velocities - before[1]).detach()
     positions = after[0] + position_drift - POSITION_RETURN * clamp_length(position_drift, MAX_POSITION_DRIFT)
     velocities = after[1] + velocity_drift - clamp_length(velocity_drift, MAX_VELOCITY_DRIFT)
-    return Correction(
-        (velocities - seen.velocities) * FRAME_TIME / DISPLACEMENT_SCALE, (positions - seen.positions) / DISPLACEMENT_SCALE
-    )
+    velocity_error, position_error = velocities - observation.velocities, positions - observation.positions
+    return Correction(velocity_error * FRAME_TIME / DISPLACEMENT_SCALE, position_error / DISPLACEMENT_SCALE)
 
 
 def correction_loss(predicted: Correction, target: Correction, near: Tensor, weight: Tensor) -> Tensor:
