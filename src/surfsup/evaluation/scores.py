@@ -23,8 +23,8 @@ class Metric:
         name: its name in tables.
         unit: of the value; empty for a dimensionless number.
         decimals: to show.
-        description: one line.
         compute: the value over a window of frames.
+        description: one line.
         skip_undefined: whether means leave out scenes without a value. Otherwise a mean with such a scene is undefined.
     """
 
@@ -32,8 +32,8 @@ class Metric:
     name: str
     unit: str
     decimals: int
-    description: str
     compute: Callable[[Comparison, slice], float]
+    description: str
     skip_undefined: bool = False
 
 
@@ -58,7 +58,7 @@ WINDOWS = (
     Window("first 300", 0, 300),
     Window("all", 0, None),
 )
-FIRST_300, ALL = WINDOWS[-2].name, WINDOWS[-1].name
+ALL = WINDOWS[-1].name
 
 
 def mean_depth(comparison: Comparison, window: slice) -> float:
@@ -85,107 +85,44 @@ def energy_ratio(prediction: float, reference: float) -> float:
     return prediction / reference
 
 
+def energy_error(comparison: Comparison, window: slice) -> float:
+    """Absolute error of the kinetic energy, summed over frames, relative to the reference."""
+    true = comparison.reference.energy[window]
+    return energy_ratio(np.abs(comparison.prediction.energy[window] - true).sum(), true.sum())
+
+
+# fmt: off
 METRICS = (
-    Metric(
-        "chamfer",
-        "Chamfer",
-        "m",
-        4,
-        "mean distance to the nearest particle of the other set, both directions added; particles are 0.03 m apart",
-        lambda c, window: c.chamfer[window].mean(),
-    ),
-    Metric(
-        "chamfer_squared",
-        "Chamfer squared",
-        "m²",
-        6,
-        "the same with squared distances, as in the paper's formula; a few stray particles weigh more",
-        lambda c, window: c.chamfer_squared[window].mean(),
-    ),
-    Metric(
-        "surface",
-        "Chamfer Surface",
-        "m",
-        2,
-        "summed over the particles near the solid only, both directions: errors where water meets the solid",
-        lambda c, window: c.surface[window].mean(),
-    ),
-    Metric(
-        "surface_squared",
-        "Surface squared",
-        "m²",
-        4,
-        "the same with squared distances, as in the paper's formula",
-        lambda c, window: c.surface_squared[window].mean(),
-    ),
-    Metric(
-        "penetration",
-        "Surface Penetration",
-        "",
-        0,
-        "particles inside the solid, summed over frames; should be 0",
-        lambda c, window: c.prediction.inside[window].sum(),
-    ),
-    Metric(
-        "depth",
-        "Mean Inside Surface",
-        "m",
-        5,
-        "mean signed distance of the particles inside the solid; empty if there are none",
-        mean_depth,
-        skip_undefined=True,
-    ),
-    Metric(
-        "height",
-        "height error",
-        "m",
-        4,
-        "absolute error of the height of the center of mass, mean over frames",
-        lambda c, window: np.abs(c.prediction.height[window] - c.reference.height[window]).mean(),
-    ),
-    Metric(
-        "energy",
-        "energy ratio",
-        "",
-        3,
-        "kinetic energy summed over frames, over the reference's; below 1 is too calm, above 1 too wild",
-        lambda c, window: energy_ratio(c.prediction.energy[window].sum(), c.reference.energy[window].sum()),
-    ),
-    Metric(
-        "energy_error",
-        "energy error",
-        "",
-        4,
-        "absolute error of the kinetic energy summed over frames, over the reference's; errors do not cancel",
-        lambda c, window: energy_ratio(
-            np.abs(c.prediction.energy[window] - c.reference.energy[window]).sum(), c.reference.energy[window].sum()
-        ),
-    ),
-    Metric(
-        "rebound",
-        "rebound error",
-        "m",
-        4,
-        "absolute error of the height that the center of mass regains after impact",
-        lambda c, window: abs(rebound(c.prediction.height[window]) - rebound(c.reference.height[window])),
-    ),
-    Metric(
-        "density",
-        "highest density",
-        "",
-        3,
-        "over the reference's highest; above 1 the fluid is more compressed than water",
-        lambda c, window: peak(c.prediction.density[window]) / peak(c.reference.density[window]),
-    ),
-    Metric(
-        "lost",
-        "particles lost",
-        "",
-        0,
-        "particles outside the container, not finite or above 30 m/s, summed over frames; should be 0",
-        lambda c, window: c.prediction.lost[window].sum(),
-    ),
+    Metric("chamfer", "Chamfer", "m", 4, lambda c, window: c.chamfer[window].mean(),
+           "mean distance to the nearest particle of the other set, both directions added; particles are 0.03 m apart"),
+    Metric("chamfer_squared", "Chamfer squared", "m²", 6, lambda c, window: c.chamfer_squared[window].mean(),
+           "the same with squared distances, as in the paper's formula; a few stray particles weigh more"),
+    Metric("surface", "Chamfer Surface", "m", 2, lambda c, window: c.surface[window].mean(),
+           "summed over the particles near the solid only, both directions: errors where water meets the solid"),
+    Metric("surface_squared", "Surface squared", "m²", 4, lambda c, window: c.surface_squared[window].mean(),
+           "the same with squared distances, as in the paper's formula"),
+    Metric("penetration", "Surface Penetration", "", 0, lambda c, window: c.prediction.inside[window].sum(),
+           "particles inside the solid, summed over frames; should be 0"),
+    Metric("depth", "Mean Inside Surface", "m", 5, mean_depth,
+           "mean signed distance of the particles inside the solid; empty if there are none", skip_undefined=True),
+    Metric("height", "height error", "m", 4,
+           lambda c, window: np.abs(c.prediction.height[window] - c.reference.height[window]).mean(),
+           "absolute error of the height of the center of mass, mean over frames"),
+    Metric("energy", "energy ratio", "", 3,
+           lambda c, window: energy_ratio(c.prediction.energy[window].sum(), c.reference.energy[window].sum()),
+           "kinetic energy summed over frames, over the reference's; below 1 is too calm, above 1 too wild"),
+    Metric("energy_error", "energy error", "", 4, energy_error,
+           "absolute error of the kinetic energy summed over frames, over the reference's; errors do not cancel"),
+    Metric("rebound", "rebound error", "m", 4,
+           lambda c, window: abs(rebound(c.prediction.height[window]) - rebound(c.reference.height[window])),
+           "absolute error of the height that the center of mass regains after impact"),
+    Metric("density", "highest density", "", 3,
+           lambda c, window: peak(c.prediction.density[window]) / peak(c.reference.density[window]),
+           "over the reference's highest; above 1 the fluid is more compressed than water"),
+    Metric("lost", "particles lost", "", 0, lambda c, window: c.prediction.lost[window].sum(),
+           "particles outside the container, not finite or above 30 m/s, summed over frames; should be 0"),
 )
+# fmt: on
 
 
 def compute_scores(comparison: Comparison) -> WindowScores:

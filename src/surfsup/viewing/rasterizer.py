@@ -74,15 +74,9 @@ class Rasterizer:
         if mesh.n_points:
             mesh.point_data["colors"] = colors if colors is not None else np.zeros((mesh.n_points, 3), np.uint8)
             self._plotter.add_mesh(
-                mesh,
-                scalars="colors",
-                rgb=True,
-                lighting=False,
-                copy_mesh=False,
-                reset_camera=False,
-                render=False,
-                show_scalar_bar=False,
-            )
+                mesh, scalars="colors", rgb=True, lighting=False,
+                copy_mesh=False, reset_camera=False, render=False, show_scalar_bar=False,
+            )  # fmt: skip
 
     def render_depth(self) -> np.ndarray:
         """Draw, and return the depth (height, width) float32 in meters; infinite where nothing was drawn."""

@@ -1,7 +1,7 @@
 """The static part of a scene: solid, floor and backdrop. It is lit once with soft shadows; frames only add the water.
 
 The solid is drawn as seen from many directions of the sky and the sun (shadow mapping, L. Williams, "Casting curved
-shadows on curved surfaces", SIGGRAPH 1978). A point farther away than the drawn depth is in shadow for that direction.
+shadows on curved surfaces", SIGGRAPH 1978). A point behind the drawn depth is in shadow for that direction.
 Many directions give ambient occlusion and soft shadows. Irradiance is computed at the solid's vertices and on a grid on
 the floor, not per pixel.
 """

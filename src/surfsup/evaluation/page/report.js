@@ -237,7 +237,8 @@ function showFixed() {
   const share = report.scenes.reduce((sum, one) => sum + one.collided_share, 0) / evaluated;
   const collisions = handle_collisions ? `collision handling moved ${(100 * share).toFixed(2)}\u202f% of the particles in a frame` : "collision handling was off";
   byId("subtitle").textContent = `${plural(evaluated, "held-out scene")} of ${plural(sets, "data set")}, simulated from the reference's first frame and compared with the reference solver frame by frame; ${collisions}.`;
-  byId("about").textContent = about || "This simulator has none.";
+  byId("card").hidden = !about;
+  byId("about").textContent = about;
   const skipped = report.data.flatMap((one) => one.skipped.map((bad) => ({ ...bad, data: one.name })));
   const notices = skipped.length ? [`${plural(skipped.length, "file")} ${skipped.length === 1 ? "is" : "are"} not valid and listed below.`] : [];
   for (const one of report.data) if (one.scenes && one.floor_missing)
@@ -258,7 +259,7 @@ function showFixed() {
     + "<dt>floor</dt><dd>the reproducibility floor: the same metrics for repeats of the reference solver with the water moved by 1 mm along x, y and z; mean of the three</dd>"
     + "<dt>ratio</dt><dd>simulator over floor; at 1 the simulator is indistinguishable from a second run of the reference solver</dd>"
     + `<dt>near the solid</dt><dd>at a signed distance below ${report.near} m</dd>`;
-  byId("footer").textContent = `surfsup ${report.version}; a frame is ${1000 * report.frame_time} ms; curves here show every ${report.stride === 1 ? "" : `${report.stride}. `}frame, report.json all.`;
+  byId("footer").textContent = `surfsup ${report.version}; a frame is ${1000 * report.frame_time} ms; curves here have a value for every ${report.stride === 1 ? "frame" : `${report.stride} frames`}, report.json has all.`;
   byId("data").innerHTML = report.data.filter((one) => one.scenes).map((one) => `<option>${escape(one.name)}</option>`).join("");
   byId("window").innerHTML = Object.keys(meanOf(chosen.data, "all").windows).reverse().map((name) => `<option value="${name}">${windowName(name)}</option>`).join("");
 }
