@@ -13,7 +13,7 @@ needs_solver = pytest.mark.skipif(
 
 
 class Tiny(Recipe):
-    """Eight particles in a small container; the height is drawn."""
+    """Eight particles in a small container at a random height."""
 
     name = "tiny"
     gravity = -9.81
@@ -28,14 +28,14 @@ class Tiny(Recipe):
 
 
 class Heavy(Tiny):
-    """So heavy that the water falls through the floor within a step or two of the solver."""
+    """Gravity so strong that the water falls through the floor within one or two substeps of the solver."""
 
     name = "heavy"
     gravity = -1e6
 
 
 class Mixed(Recipe):
-    """Every other scene, by chance, is one that falls through the floor; those set aside are noted in a file."""
+    """Half of the scenes, at random, fall through the floor; a file lists the discarded ones."""
 
     name = "mixed"
 
@@ -43,14 +43,14 @@ class Mixed(Recipe):
         kind = Heavy if random.random() < 0.5 else Tiny
         return kind(self.folder).scene(index, random)
 
-    def set_aside(self, scene: Scene) -> None:
-        with (self.folder / "aside").open("a") as file:
+    def discard(self, scene: Scene) -> None:
+        with (self.folder / "discarded").open("a") as file:
             print(scene.gravity[2], file=file)
 
 
 @pytest.fixture
 def tiny_recipes(monkeypatch):
-    """Recipes that this process knows, and so the threads of its own cluster do too."""
+    """Recipes that are known in this process and therefore to the threads of its cluster."""
     for recipe in (Tiny, Heavy, Mixed):
         monkeypatch.setitem(scene_sampler.RECIPES, recipe.name, recipe)
 

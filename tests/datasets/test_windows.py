@@ -5,14 +5,14 @@ import numpy as np
 import pytest
 import torch
 
-from surfsup.datasets.windows import Window, Windows, symmetry
+from surfsup.datasets.windows import Window, Windows, random_symmetry
 from surfsup.errors import InputError
 from surfsup.io.trajectory import VELOCITY_STEP, Provenance, TrajectoryWriter
-from surfsup.learned.registry import KINDS
+from surfsup.learned.registry import LEARNED_SIMULATORS
 from surfsup.scene import Scene
-from surfsup.sph.state import Environment
+from surfsup.sph.environment import Environment
 
-# Not square, so that a turn must turn the container too; gravity aslant, so that it must turn as well.
+# The container is not square and gravity is tilted, so that a rotation must rotate both.
 SCENE = Scene.from_yaml(
     "container: {size: [1.0, 1.4, 2.0]}\ngravity: [1, 2, -9]\n"
     "surface:\n"
@@ -27,7 +27,7 @@ SCENE = Scene.from_yaml(
 def frames(count: int, particles: int = 30) -> tuple[np.ndarray, np.ndarray]:
     random = np.random.default_rng(0)
     positions = random.uniform([-0.5, -0.7, 0], [0.5, 0.7, 2], size=(count, particles, 3)).astype(np.float32)
-    # The frame's number is written into it, so that a window says which frames it holds.
+    # The height of particle 0 is the frame's number, so that a window shows its frames.
     positions[:, 0, 2] = np.arange(count)
     return positions, random.normal(size=positions.shape).astype(np.float32)
 
@@ -40,98 +40,98 @@ def write(path, count: int) -> tuple[np.ndarray, np.ndarray]:
     return positions, velocities
 
 
-def window(count: int, past: int = 1) -> Window:
+def window(count: int, history_length: int = 1) -> Window:
     positions, velocities = (torch.from_numpy(values) for values in frames(count))
-    return Window(positions, velocities, past, Environment.of(SCENE, SCENE.build_surface()), SCENE, "a")
+    return Window(positions, velocities, history_length, Environment.of(SCENE, SCENE.build_surface()), SCENE, "a")
 
 
-def test_a_window_has_a_past_a_present_and_the_frames_after_it():
-    seen = window(6, past=2)
-    assert [len(values) for values in seen.up_to_now] == [3, 3]
-    assert torch.equal(seen.up_to_now[0], seen.positions[:3])
-    assert torch.equal(seen.up_to_now[1], seen.velocities[:3])
-    assert seen.following == 3
+def test_a_window_has_a_history_a_present_frame_and_frames_after_it():
+    one = window(6, history_length=2)
+    assert [len(values) for values in one.history] == [3, 3]
+    assert torch.equal(one.history[0], one.positions[:3])
+    assert torch.equal(one.history[1], one.velocities[:3])
+    assert one.frames_after == 3
     for number in range(4):
-        assert torch.equal(seen.frame(number)[0], seen.positions[2 + number])
-        assert torch.equal(seen.frame(number)[1], seen.velocities[2 + number])
+        assert torch.equal(one.frame(number)[0], one.positions[2 + number])
+        assert torch.equal(one.frame(number)[1], one.velocities[2 + number])
 
 
-@pytest.mark.parametrize(("count", "past"), [(4, 1), (10, 1), (10, 4), (500, 1), (500, 8)])
-def test_drawn_windows_are_the_files_frames_in_a_row(tmp_path, count, past):
+@pytest.mark.parametrize(("count", "history_length"), [(4, 1), (10, 1), (10, 4), (500, 1), (500, 8)])
+def test_sampled_windows_are_consecutive_frames_of_the_file(tmp_path, count, history_length):
     positions, velocities = write(tmp_path / "a.h5", count)
     windows, random = Windows(tmp_path), np.random.default_rng(1)
     presents = set()
     for _ in range(60):
-        drawn = windows.draw(random, past, frames=2)
+        drawn = windows.sample(random, history_length, frames=2)
         now = round(float(drawn.frame(0)[0][0, 2]))
         presents.add(now)
-        assert past <= now <= count - 3
-        assert (drawn.past, drawn.following) == (past, 2)
+        assert history_length <= now <= count - 3
+        assert (drawn.history_length, drawn.frames_after) == (history_length, 2)
         assert (drawn.scene.surface.kind, drawn.name) == ("cone", str(tmp_path / "a.h5"))
-        there = slice(now - past, now + 3)
-        # Whatever the symmetry, it keeps heights and lengths.
-        np.testing.assert_array_equal(drawn.positions[..., 2], positions[there, :, 2])
+        frames_of_file = slice(now - history_length, now + 3)
+        # Each symmetry keeps heights and lengths.
+        np.testing.assert_array_equal(drawn.positions[..., 2], positions[frames_of_file, :, 2])
         np.testing.assert_allclose(
             drawn.velocities.norm(dim=-1),
-            np.linalg.norm(velocities[there], axis=-1),
+            np.linalg.norm(velocities[frames_of_file], axis=-1),
             rtol=1e-5,
             atol=2 * VELOCITY_STEP,
         )
     if count <= 10:
-        assert presents == set(range(past, count - 2)), "every window there is can be drawn, the last one too"
+        assert presents == set(range(history_length, count - 2)), "every window can be sampled, including the last"
     else:
         assert max(presents) > 320 > min(presents)
 
 
-@pytest.mark.parametrize("kind", ["convolution", "surfsup"])
-def test_a_window_that_begins_with_its_scene_has_the_past_of_a_rollout(tmp_path, kind):
+@pytest.mark.parametrize("kind", ["corrected", "surfsup"])
+def test_a_window_at_the_scene_start_has_the_history_of_a_rollout(tmp_path, kind):
     write(tmp_path / "a.h5", 12)
-    model = KINDS[kind](KINDS[kind].architecture_type(width=4, layers=1))
-    drawn = Windows(tmp_path).draw(np.random.default_rng(0), model.past, frames=3, starts=1.0)
-    assert drawn.begins
-    assert (drawn.past, drawn.following) == (model.past, 3)
+    model = LEARNED_SIMULATORS[kind](LEARNED_SIMULATORS[kind].architecture_type(width=4, layers=1))
+    drawn = Windows(tmp_path).sample(np.random.default_rng(0), model.history_length, frames=3, scene_starts=1.0)
+    assert drawn.at_scene_start
+    assert (drawn.history_length, drawn.frames_after) == (model.history_length, 3)
     assert [float(drawn.frame(number)[0][0, 2]) for number in range(4)] == [0, 1, 2, 3]
-    state, start = model.state_after(*drawn.up_to_now), model.start(*drawn.frame(0), drawn.environment)
+    state, start = model.state_from_frames(*drawn.history), model.initial_state(*drawn.frame(0), drawn.environment)
     for ours, theirs in zip(vars(state).values(), vars(start).values(), strict=True):
         torch.testing.assert_close(ours, theirs, atol=1e-6, rtol=1e-5)
 
 
-def test_so_many_windows_begin_with_their_scene_as_are_asked_for(tmp_path):
+def test_the_requested_fraction_of_windows_is_at_the_scene_start(tmp_path):
     write(tmp_path / "a.h5", 12)
     windows, random = Windows(tmp_path), np.random.default_rng(3)
-    assert not any(windows.draw(random, 1, 2).begins for _ in range(50))
-    assert 60 < sum(windows.draw(random, 1, 2, starts=0.4).begins for _ in range(200)) < 100
+    assert not any(windows.sample(random, 1, 2).at_scene_start for _ in range(50))
+    assert 60 < sum(windows.sample(random, 1, 2, scene_starts=0.4).at_scene_start for _ in range(200)) < 100
 
 
-def test_windows_of_several_folders_are_drawn_alike(tmp_path):
+def test_trajectories_of_several_folders_have_equal_probability(tmp_path):
     for name, count in (("one", 2), ("two", 1)):
         (tmp_path / name).mkdir()
         for number in range(count):
             write(tmp_path / name / f"{number}.h5", 5)
     windows, random = Windows(tmp_path / "one", tmp_path / "two"), np.random.default_rng(2)
-    drawn = [windows.draw(random, 1, 2).name for _ in range(90)]
+    drawn = [windows.sample(random, 1, 2).name for _ in range(90)]
     assert {drawn.count(str(path)) > 15 for path in windows.paths} == {True}
     assert len(windows) == 3
 
 
-def test_the_same_generator_draws_the_same_window(tmp_path):
+def test_the_same_seed_gives_the_same_window(tmp_path):
     write(tmp_path / "a.h5", 20)
     windows = Windows(tmp_path)
-    first, second = (windows.draw(np.random.default_rng(4), 1, 3) for _ in range(2))
+    first, second = (windows.sample(np.random.default_rng(4), 1, 3) for _ in range(2))
     assert torch.equal(first.positions, second.positions)
     assert torch.equal(first.velocities, second.velocities)
 
 
-def test_a_trajectory_too_short_is_named(tmp_path):
+def test_a_trajectory_that_is_too_short_is_named(tmp_path):
     write(tmp_path / "short.h5", 4)
     with pytest.raises(InputError, match=r"short\.h5: has 4 frames, training needs at least 5"):
-        Windows(tmp_path).draw(np.random.default_rng(0), past=1, frames=3)
+        Windows(tmp_path).sample(np.random.default_rng(0), history_length=1, frames=3)
     with pytest.raises(InputError, match="training needs at least 7"):
-        Windows(tmp_path).draw(np.random.default_rng(0), past=4, frames=2)
+        Windows(tmp_path).sample(np.random.default_rng(0), history_length=4, frames=2)
 
 
 @pytest.mark.parametrize("unit", ["frame_time", "radius"])
-def test_data_of_other_units_are_refused(tmp_path, unit):
+def test_data_of_other_units_are_an_error(tmp_path, unit):
     write(tmp_path / "a.h5", 5)
     with h5py.File(tmp_path / "a.h5", "r+") as file:
         file.attrs[unit] = 0.01
@@ -139,7 +139,7 @@ def test_data_of_other_units_are_refused(tmp_path, unit):
         Windows(tmp_path)
 
 
-def test_a_folder_without_trajectories_is_refused(tmp_path):
+def test_a_folder_without_trajectories_is_an_error(tmp_path):
     (tmp_path / "filled").mkdir()
     (tmp_path / "empty").mkdir()
     write(tmp_path / "filled" / "a.h5", 5)
@@ -147,9 +147,9 @@ def test_a_folder_without_trajectories_is_refused(tmp_path):
         Windows(tmp_path / "filled", tmp_path / "empty")
 
 
-def test_symmetries_are_the_eight_of_a_square():
+def test_there_are_eight_symmetries():
     random = np.random.default_rng(0)
-    matrices = torch.stack([symmetry(random) for _ in range(200)])
+    matrices = torch.stack([random_symmetry(random) for _ in range(200)])
     distinct = torch.unique(matrices, dim=0)
     assert len(distinct) == 8
     for matrix in distinct:
@@ -158,33 +158,33 @@ def test_symmetries_are_the_eight_of_a_square():
 
 
 @pytest.mark.parametrize("seed", range(12))
-def test_a_window_and_its_image_are_the_same_scene(seed):
-    matrix = symmetry(np.random.default_rng(seed))
+def test_a_transformed_window_is_the_same_scene(seed):
+    matrix = random_symmetry(np.random.default_rng(seed))
     original = window(4)
     image = original.transformed_by(matrix)
 
-    now, seen_now = original.frame(0)[0], image.frame(0)[0]
+    now, image_now = original.frame(0)[0], image.frame(0)[0]
     distance, normal = original.environment.distance_and_normal(now)
-    seen_distance, seen_normal = image.environment.distance_and_normal(seen_now)
-    torch.testing.assert_close(seen_distance, distance, atol=1e-5, rtol=0)
-    torch.testing.assert_close(seen_normal, normal @ matrix.T, atol=1e-4, rtol=0)
+    image_distance, image_normal = image.environment.distance_and_normal(image_now)
+    torch.testing.assert_close(image_distance, distance, atol=1e-5, rtol=0)
+    torch.testing.assert_close(image_normal, normal @ matrix.T, atol=1e-4, rtol=0)
     torch.testing.assert_close(image.environment.gravity, matrix @ original.environment.gravity)
 
     torch.testing.assert_close(image.positions, original.positions @ matrix.T)
     torch.testing.assert_close(image.velocities, original.velocities @ matrix.T)
-    assert (image.past, image.scene, image.name) == (original.past, original.scene, original.name)
-    # Distances to the walls are the same, whichever walls they now are.
+    assert (image.history_length, image.scene, image.name) == (original.history_length, original.scene, original.name)
+    # The sorted distances to the walls are the same.
     to_walls = [
         torch.cat([points - environment.lower, environment.upper - points], dim=-1).sort(dim=-1).values
         for points, environment in (
             (now, original.environment),
-            (seen_now, image.environment),
+            (image_now, image.environment),
         )
     ]
     torch.testing.assert_close(*to_walls)
 
 
-def test_an_image_of_an_image_is_the_original():
+def test_the_inverse_transformation_restores_the_window():
     matrix = torch.tensor([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
     original = replace(window(4), environment=Environment.of(SCENE, None))
     back = original.transformed_by(matrix).transformed_by(matrix.T)

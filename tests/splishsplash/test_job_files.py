@@ -14,7 +14,7 @@ def ball():
     return build_volume_map(Sphere(0.1), np.full(3, -0.2), np.full(3, 0.2), np.full(3, 0.05))
 
 
-def test_the_solver_is_asked_for_what_the_paper_used():
+def test_the_settings_are_those_of_the_paper():
     scene = solver_scene((0.0, 0.0, -9.81), ["a.bgeo"], [(0.0, 0.0, 0.0)], ["walls.cdm", "solid.cdm"])
     settings = scene["Configuration"]
     assert settings["particleRadius"] == 0.015
@@ -25,7 +25,7 @@ def test_the_solver_is_asked_for_what_the_paper_used():
     assert [body["mapFile"] for body in scene["RigidBodies"]] == ["walls.cdm", "solid.cdm"]
 
 
-def test_every_block_has_a_file_and_a_velocity_and_every_boundary_a_map(tmp_path, ball):
+def test_each_block_has_a_file_and_a_velocity_and_each_boundary_a_map(tmp_path, ball):
     blocks = [np.zeros((2, 3), np.float32), np.ones((3, 3), np.float32)]
     path = write_job(tmp_path, (0, 0, -1), blocks, [(0, 0, 0), (1, 2, 3)], [ball, ball])
     scene = json.loads(path.read_text())
@@ -39,7 +39,7 @@ def test_every_block_has_a_file_and_a_velocity_and_every_boundary_a_map(tmp_path
 
 
 @pytest.mark.parametrize("count", [1, 5])
-def test_the_particle_file_is_houdinis_format(count):
+def test_the_particle_file_has_houdinis_format(count):
     positions = np.arange(3 * count, dtype=np.float32).reshape(-1, 3)
     data = particle_file(positions)
     assert data[:5] == b"BgeoV"

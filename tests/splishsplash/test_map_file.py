@@ -5,16 +5,18 @@ from surfsup.sph.boundary.volume_map import build_volume_map
 from surfsup.splishsplash.map_file import write_map
 
 
-def test_the_file_is_laid_out_as_discregrid_reads_it(tmp_path):
-    made = build_volume_map(Sphere(0.1), np.array([-0.2, -0.25, -0.2]), np.array([0.2, 0.25, 0.3]), np.full(3, 0.05))
-    write_map(tmp_path / "ball.cdm", made)
+def test_the_file_has_the_layout_of_discregrid(tmp_path):
+    volume_map = build_volume_map(
+        Sphere(0.1), np.array([-0.2, -0.25, -0.2]), np.array([0.2, 0.25, 0.3]), np.full(3, 0.05)
+    )
+    write_map(tmp_path / "ball.cdm", volume_map)
     data = (tmp_path / "ball.cdm").read_bytes()
-    place = 0
+    offset = 0
 
     def take(form: str, count: int = 1) -> np.ndarray:
-        nonlocal place
-        values = np.frombuffer(data, dtype=form, count=count, offset=place)
-        place += values.nbytes
+        nonlocal offset
+        values = np.frombuffer(data, dtype=form, count=count, offset=offset)
+        offset += values.nbytes
         return values
 
     np.testing.assert_allclose(take("<f8", 6), [-0.2, -0.25, -0.2, 0.2, 0.25, 0.3])
@@ -22,17 +24,17 @@ def test_the_file_is_laid_out_as_discregrid_reads_it(tmp_path):
     np.testing.assert_allclose(take("<f8", 6), [0.05] * 3 + [20] * 3)
     assert list(take("<u8", 2)) == [800, 2]
     assert take("<u8") == 2
-    for values in (made.distances, made.volumes):
+    for values in (volume_map.distances, volume_map.volumes):
         (count,) = take("<u8")
         np.testing.assert_array_equal(take("<f8", count), values.astype(np.float64))
     assert take("<u8") == 2
     (cells,) = take("<u8")
-    np.testing.assert_array_equal(take("<u4", 32 * cells).reshape(-1, 32), made.cell_nodes)
+    np.testing.assert_array_equal(take("<u4", 32 * cells).reshape(-1, 32), volume_map.cell_nodes)
     assert take("<u8") == 0
     assert take("<u8") == 2
     for _ in range(2):
         (count,) = take("<u8")
-        places = take("<u4", count)
-        np.testing.assert_array_equal(np.flatnonzero(places != 0xFFFFFFFF), np.sort(made.cells))
-        np.testing.assert_array_equal(places[made.cells], np.arange(cells))
-    assert place == len(data)
+        indices = take("<u4", count)
+        np.testing.assert_array_equal(np.flatnonzero(indices != 0xFFFFFFFF), np.sort(volume_map.cells))
+        np.testing.assert_array_equal(indices[volume_map.cells], np.arange(cells))
+    assert offset == len(data)

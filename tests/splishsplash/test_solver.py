@@ -13,7 +13,7 @@ from surfsup.scene import FRAME_TIME, Block, Scene
 from surfsup.splishsplash import job_files, solver
 
 try:
-    solver.require()
+    solver.check_installed()
 except InputError as missing:
     pytest.skip(str(missing), allow_module_level=True)
 
@@ -27,19 +27,19 @@ SMALL = (
 ONE_BLOCK = "container: {size: [0.4, 0.4, 0.4]}\nfluid: [{block: {min: [-0.1, -0.1, 0.2], max: [0.05, 0.05, 0.35]}}]\n"
 
 
-def scene(text: str) -> Scene:
+def read_scene(text: str) -> Scene:
     return Scene.from_yaml(text, "test")
 
 
-def run(made: Scene) -> tuple[np.ndarray, np.ndarray]:
-    surface = made.build_surface()
-    frames = list(solver.simulate(made, surface, made.start(surface)))
+def run(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
+    surface = scene.build_surface()
+    frames = list(solver.simulate(scene, surface, scene.initial_particles(surface)))
     return tuple(np.stack(values) for values in zip(*frames, strict=True))
 
 
 @pytest.fixture(autouse=True)
 def scratch(tmp_path, monkeypatch):
-    """Where the jobs of a test lie; nothing may be left of them."""
+    """The folder of the test's jobs, which must be empty afterwards."""
     folder = tmp_path / "scratch"
     folder.mkdir()
     monkeypatch.setattr(tempfile, "tempdir", str(folder))
@@ -47,37 +47,37 @@ def scratch(tmp_path, monkeypatch):
     assert list(folder.iterdir()) == []
 
 
-def test_free_fall_is_the_solvers_semi_implicit_euler():
-    made = scene(SMALL + "frames: 8")
-    start = made.start(None)
-    positions, velocities = run(made)
+def test_free_fall_is_semi_implicit_euler():
+    scene = read_scene(SMALL + "frames: 8")
+    start = scene.initial_particles(None)
+    positions, velocities = run(scene)
     assert positions.dtype == velocities.dtype == np.float32
     assert positions.shape == velocities.shape == (8, 39, 3)
     np.testing.assert_array_equal(positions[0], start.positions)
-    np.testing.assert_array_equal(velocities[0], start.particle_velocities)
-    x, v = start.positions.astype(np.float64), start.particle_velocities.astype(np.float64)
+    np.testing.assert_array_equal(velocities[0], start.velocities)
+    x, v = start.positions.astype(np.float64), start.velocities.astype(np.float64)
     for frame in range(1, 8):
         for _ in range(round(FRAME_TIME / STEP)):
-            v = v + STEP * np.array(made.gravity)
+            v = v + STEP * np.array(scene.gravity)
             x = x + STEP * v
         np.testing.assert_allclose(positions[frame], x, atol=1e-6)
         np.testing.assert_allclose(velocities[frame], v, atol=1e-5)
 
 
-def test_particles_keep_their_number_when_the_solver_sorts_them():
-    # It sorts every 500 steps, that is every 100 frames.
-    made = scene(
+def test_particles_keep_their_order_when_the_solver_sorts_them():
+    # It sorts every 500 substeps, which are 100 frames.
+    scene = read_scene(
         "container: {size: [0.4, 0.4, 0.4]}\ngravity: [0, 0, 0]\nframes: 210\n"
         "fluid: [{block: {min: [-0.1, -0.1, 0.1], max: [0.05, 0.05, 0.25], velocity: [0.03, 0, 0]}}]"
     )
-    positions, _ = run(made)
+    positions, _ = run(scene)
     moved = 0.03 * FRAME_TIME * np.arange(210)[:, None, None] * np.array([1, 0, 0])
-    np.testing.assert_allclose(positions, made.start(None).positions + moved, atol=1e-5)
+    np.testing.assert_allclose(positions, scene.initial_particles(None).positions + moved, atol=1e-5)
 
 
 def test_water_comes_to_rest_on_the_floor_inside_the_container():
-    made = scene(SMALL + "frames: 200")
-    positions, velocities = run(made)
+    scene = read_scene(SMALL + "frames: 200")
+    positions, velocities = run(scene)
     assert (np.abs(positions[..., :2]) < 0.2).all()
     assert (positions[..., 2] > 0).all()
     assert positions[-1, :, 2].max() < 0.1
@@ -85,28 +85,28 @@ def test_water_comes_to_rest_on_the_floor_inside_the_container():
 
 
 def test_a_run_on_one_thread_repeats_bit_for_bit():
-    made = scene(SMALL + "frames: 60")
-    first, second = run(made), run(made)
+    scene = read_scene(SMALL + "frames: 60")
+    first, second = run(scene), run(scene)
     np.testing.assert_array_equal(first[0], second[0])
     np.testing.assert_array_equal(first[1], second[1])
 
 
 def test_water_stays_out_of_the_solid():
-    made = scene(ONE_BLOCK + "surface: {sphere: {radius: 0.08}, at: [0, 0, 0.06]}\nframes: 40")
-    positions, _ = run(made)
+    scene = read_scene(ONE_BLOCK + "surface: {sphere: {radius: 0.08}, at: [0, 0, 0.06]}\nframes: 40")
+    positions, _ = run(scene)
     from_center = np.linalg.norm(positions - [0, 0, 0.06], axis=-1)
     assert from_center.min() > 0.08
     assert np.abs(positions[-1] - positions[0]).max() > 0.05
 
 
 def test_one_frame_is_the_start():
-    made = scene(SMALL + "frames: 1")
-    positions, _ = run(made)
-    np.testing.assert_array_equal(positions, made.start(None).positions[None])
+    scene = read_scene(SMALL + "frames: 1")
+    positions, _ = run(scene)
+    np.testing.assert_array_equal(positions, scene.initial_particles(None).positions[None])
 
 
 @pytest.mark.parametrize("size", [(0.15, 0.12, 0.09), (0.18, 0.09, 0.24)])
-def test_a_block_of_whole_spacings_holds_what_the_solver_itself_would_put_there(tmp_path, log, size):
+def test_a_block_of_whole_spacings_has_the_particles_of_the_solvers_own_block(tmp_path, log, size):
     low = (-0.1, -0.1, 0.1)
     block = Block(min=low, max=tuple(a + b for a, b in zip(low, size, strict=True)))
     ours = block.positions()
@@ -143,9 +143,9 @@ def children(monkeypatch):
     return started
 
 
-def test_a_killed_solver_is_one_line(children):
-    made = scene(SMALL + "frames: 5000")
-    frames = solver.simulate(made, None, made.start(None))
+def test_a_killed_solver_is_an_error_of_one_line(children):
+    scene = read_scene(SMALL + "frames: 5000")
+    frames = solver.simulate(scene, None, scene.initial_particles(None))
     next(frames)
     os.kill(children[0].pid, signal.SIGKILL)
     with pytest.raises(solver.SolverError, match="ended with signal 9 before frame") as error:
@@ -154,14 +154,14 @@ def test_a_killed_solver_is_one_line(children):
     assert "\n" not in str(error.value)
 
 
-def test_what_was_simulated_before_a_crash_is_kept(children, tmp_path):
-    made = scene(SMALL + "frames: 5000")
-    start = made.start(None)
+def test_frames_before_a_crash_are_kept(children, tmp_path):
+    scene = read_scene(SMALL + "frames: 5000")
+    start = scene.initial_particles(None)
     with (
         pytest.raises(solver.SolverError),
-        TrajectoryWriter(tmp_path / "a.h5", made, Provenance(solver.NAME), len(start.positions)) as out,
+        TrajectoryWriter(tmp_path / "a.h5", scene, Provenance(solver.NAME), len(start.positions)) as out,
     ):
-        for number, frame in enumerate(solver.simulate(made, None, start)):
+        for number, frame in enumerate(solver.simulate(scene, None, start)):
             out.append(*frame)
             if number == 10:
                 os.kill(children[0].pid, signal.SIGKILL)
@@ -169,7 +169,7 @@ def test_what_was_simulated_before_a_crash_is_kept(children, tmp_path):
         assert len(trajectory) >= 11
 
 
-def test_a_scene_that_the_solver_cannot_read_is_one_line(tmp_path, log):
+def test_an_unreadable_scene_is_an_error_of_one_line(tmp_path, log):
     path = tmp_path / "broken.json"
     path.write_text("{")
     with pytest.raises(solver.SolverError, match="before frame 0") as error:
@@ -177,16 +177,16 @@ def test_a_scene_that_the_solver_cannot_read_is_one_line(tmp_path, log):
     assert "\n" not in str(error.value)
 
 
-def test_another_number_of_particles_than_asked_for_is_an_error(tmp_path, log):
-    start = scene(ONE_BLOCK).start(None)
-    path = job_files.write_job(tmp_path, (0, 0, 0), start.blocks, start.velocities, [])
+def test_a_wrong_number_of_particles_is_an_error(tmp_path, log):
+    start = read_scene(ONE_BLOCK).initial_particles(None)
+    path = job_files.write_job(tmp_path, (0, 0, 0), start.block_positions, start.block_velocities, [])
     with pytest.raises(solver.SolverError, match="started with 64 particles instead of 65"):
         list(solver.run_child(path, 1, 65, 1, log))
 
 
 def test_closing_the_generator_ends_the_child_and_cleans_up(children):
-    made = scene(SMALL + "frames: 5000")
-    frames = solver.simulate(made, None, made.start(None))
+    scene = read_scene(SMALL + "frames: 5000")
+    frames = solver.simulate(scene, None, scene.initial_particles(None))
     next(frames)
     assert children[0].poll() is None
     frames.close()
@@ -194,33 +194,33 @@ def test_closing_the_generator_ends_the_child_and_cleans_up(children):
 
 
 def test_an_interrupt_ends_the_child_and_cleans_up(children):
-    made = scene(SMALL + "frames: 5000")
-    frames = solver.simulate(made, None, made.start(None))
+    scene = read_scene(SMALL + "frames: 5000")
+    frames = solver.simulate(scene, None, scene.initial_particles(None))
     next(frames)
     with pytest.raises(KeyboardInterrupt):
         frames.throw(KeyboardInterrupt())
     assert children[0].returncode is not None
 
 
-def test_nothing_is_left_on_the_disk_once_the_solver_is_under_way(scratch):
-    made = scene(SMALL + "frames: 5000")
-    frames = solver.simulate(made, None, made.start(None))
+def test_no_files_remain_while_the_solver_runs(scratch):
+    scene = read_scene(SMALL + "frames: 5000")
+    frames = solver.simulate(scene, None, scene.initial_particles(None))
     next(frames)
     assert len(list(scratch.iterdir())) == 1
     next(frames), next(frames)
-    assert list(scratch.iterdir()) == []  # so that even a killed run leaves nothing
+    assert list(scratch.iterdir()) == []  # so that a killed run leaves no files
     frames.close()
 
 
-def test_a_solver_that_is_not_installed_is_said_so_through_the_child(tmp_path, monkeypatch):
+def test_a_missing_solver_is_reported_by_the_child(tmp_path, monkeypatch):
     (tmp_path / "pysplishsplash.py").write_text("raise ModuleNotFoundError('No module named pysplishsplash')")
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))
-    made = scene(SMALL)
+    scene = read_scene(SMALL)
     with pytest.raises(InputError, match=r"^the reference solver is not installed: pip install"):
-        next(solver.simulate(made, None, made.start(None)))
+        next(solver.simulate(scene, None, scene.initial_particles(None)))
     with pytest.raises(InputError, match=r"^the reference solver is not installed: pip install"):
-        solver.require()
+        solver.check_installed()
 
 
-def test_an_installed_solver_is_not_complained_about():
-    solver.require()
+def test_an_installed_solver_is_no_error():
+    solver.check_installed()

@@ -1,1 +1,1 @@
-"""Data sets: which scenes, their making, and what training reads of them."""
+"""Data sets: recipes of scenes, their generation, and the windows of frames that training reads."""

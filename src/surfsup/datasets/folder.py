@@ -1,4 +1,4 @@
-"""The folder of a data set: whose it is, who works in it, and how a file gets into it."""
+"""The folder of a data set: its lock, its subfolder of surfaces, and files that appear only when complete."""
 
 from __future__ import annotations
 
@@ -13,20 +13,21 @@ from surfsup.errors import InputError
 
 LOCK = ".lock"
 PARTIAL = ".partial"
+SURFACES = "surfaces"  # subfolder with the files of surfaces
 
 
 @contextmanager
-def locked(folder: Path) -> Iterator[str]:
-    """Make ``folder`` and be the only one that works in it; what a killed run left behind is cleared away.
+def lock_folder(folder: Path) -> Iterator[str]:
+    """Create ``folder``, lock it against other runs, and remove partial files of a killed run.
 
-    The system lets go of the lock when the process ends, however it ends. A folder that is still empty at the end is
-    removed again, if it is new.
+    The system releases the lock when the process ends for any reason. A new folder that is still empty at the end is
+    removed.
 
     Yields:
-        A token that stands in the lock file, by which a worker can tell that it sees the same folder.
+        The token in the lock file, by which a worker recognizes the same folder.
 
     Raises:
-        InputError: somebody else works in it, or it cannot be written.
+        InputError: another run holds the lock, or the folder is not writable.
     """
     new = not folder.exists()
     try:
@@ -43,36 +44,38 @@ def locked(folder: Path) -> Iterator[str]:
         lock.truncate(0)
         lock.write(token)
         lock.flush()
-        clear_leftovers(folder)
+        remove_partial_files(folder)
         try:
             yield token
         finally:
-            clear_leftovers(folder)
+            remove_partial_files(folder)
             if new and os.listdir(folder) == [LOCK]:
                 (folder / LOCK).unlink()
                 folder.rmdir()
 
 
-def token_of(folder: Path) -> str:
-    """The token of the run that works in ``folder``, empty where none is seen."""
+def lock_token(folder: Path) -> str:
+    """The token in the lock file of ``folder``; empty if there is no lock file."""
     try:
         return (folder / LOCK).read_text()
     except OSError:
         return ""
 
 
-def clear_leftovers(folder: Path) -> None:
-    """Remove files that were never finished."""
-    for path in folder.glob(f".*{PARTIAL}"):
-        path.unlink(missing_ok=True)
+def remove_partial_files(folder: Path) -> None:
+    """Remove incomplete files from a data set's folder."""
+    for place in (folder, folder / SURFACES):
+        for path in place.glob(f".*{PARTIAL}"):
+            path.unlink(missing_ok=True)
 
 
 @contextmanager
-def whole_file(path: Path) -> Iterator[Path]:
-    """A place beside ``path`` to write to; when all went well it becomes ``path`` at once, else it is removed.
+def atomic_write(path: Path) -> Iterator[Path]:
+    """A temporary path beside ``path``, renamed to ``path`` at the end, or removed after an error.
 
-    The name is unique: two workers may be at the same file, one of them believed lost.
+    Its name is unique, because two workers may write the same file if one of them was considered lost.
     """
+    path.parent.mkdir(parents=True, exist_ok=True)
     partial = path.with_name(f".{path.name}.{uuid.uuid4().hex}{PARTIAL}")
     try:
         yield partial

@@ -1,4 +1,4 @@
-"""What training reads: a few frames in a row of one scene, moved by the container's symmetries."""
+"""Windows for training: consecutive frames of one scene, transformed by a random symmetry of the container."""
 
 from __future__ import annotations
 
@@ -14,52 +14,52 @@ from surfsup.datasets.units import check_units
 from surfsup.errors import InputError
 from surfsup.io.trajectory import Trajectory, TrajectoryFrames
 from surfsup.learned.message_passing.history import History
-from surfsup.scene import Scene
-from surfsup.sph.state import FRAME_TIME, Environment
+from surfsup.scene import FRAME_TIME, Scene
+from surfsup.sph.environment import Environment
 
-EARLY_FRAMES = 320  # falls, impacts and sloshing happen here
-EARLY_SHARE = 0.6  # of the windows that start there
+EARLY_FRAMES = 320  # the frames of the fall, the impact and the sloshing
+EARLY_FRACTION = 0.6  # of the windows start within these
 
 
 @dataclass(frozen=True)
 class Window:
-    """Consecutive frames of one scene: P past ones, the present one, K that follow.
+    """Consecutive frames of one scene: P history frames, the present frame, and K frames after it.
 
     Attributes:
         positions: (P + 1 + K, N, 3), meters.
-        velocities: (P + 1 + K, N, 3), m/s at the ends of the frames.
-        past: P.
+        velocities: (P + 1 + K, N, 3), m/s at the end of each frame.
+        history_length: P.
         environment: container, solid and gravity.
-        scene: what the frames are of, before any symmetry.
-        name: of the scene, for complaints.
-        begins: whether the present frame is the scene's first; the past ones are then the free fall that every rollout
-            begins from.
+        scene: the scene before the symmetry.
+        name: of the scene, for error messages.
+        at_scene_start: whether the present frame is the scene's first. The history is then the free fall that every
+            rollout starts with.
     """
 
     positions: Tensor
     velocities: Tensor
-    past: int
+    history_length: int
     environment: Environment
     scene: Scene
     name: str
-    begins: bool = False
+    at_scene_start: bool = False
 
     @property
-    def up_to_now(self) -> tuple[Tensor, Tensor]:
-        """Positions and velocities (P + 1, N, 3): what a simulator's state is made of."""
-        return self.positions[: self.past + 1], self.velocities[: self.past + 1]
+    def history(self) -> tuple[Tensor, Tensor]:
+        """Positions and velocities (P + 1, N, 3) up to the present frame, from which a simulator builds its state."""
+        return self.positions[: self.history_length + 1], self.velocities[: self.history_length + 1]
 
     @property
-    def following(self) -> int:
-        """How many frames follow the present one."""
-        return len(self.positions) - 1 - self.past
+    def frames_after(self) -> int:
+        """The number K of frames after the present one."""
+        return len(self.positions) - 1 - self.history_length
 
     def frame(self, number: int) -> tuple[Tensor, Tensor]:
-        """Positions and velocities (N, 3) of a frame; 0 is the present one, 1 the first that follows."""
-        return self.positions[self.past + number], self.velocities[self.past + number]
+        """Positions and velocities (N, 3) of a frame; 0 is the present one, 1 the next."""
+        return self.positions[self.history_length + number], self.velocities[self.history_length + number]
 
     def transformed_by(self, matrix: Tensor) -> Window:
-        """The same window turned or mirrored by an orthogonal ``matrix`` that maps axes onto axes."""
+        """The window rotated or mirrored by an orthogonal ``matrix`` (3, 3) that maps axes onto axes."""
         return replace(
             self,
             positions=self.positions @ matrix.T,
@@ -69,26 +69,32 @@ class Window:
 
 
 class WindowSource(Protocol):
-    """Where training draws its windows from."""
+    """A source of random training windows."""
 
-    def draw(self, random: np.random.Generator, past: int, frames: int, starts: float = 0.0) -> Window:
-        """A window of ``past`` frames, the present one and ``frames`` more, of a random scene, time and symmetry.
+    def sample(
+        self, random: np.random.Generator, history_length: int, frames: int, scene_starts: float = 0.0
+    ) -> Window:
+        """A window of a random scene, time and symmetry.
 
-        Of all windows the share ``starts`` begins where its scene does.
+        Args:
+            random: generator of the random numbers.
+            history_length: number of frames before the present one.
+            frames: number of frames after the present one.
+            scene_starts: fraction of the windows whose present frame is the first of the scene.
         """
 
 
 class Windows:
-    """Random windows of one or more folders of trajectories, each trajectory being as likely."""
+    """Random windows of the trajectories in one or more folders, all trajectories with equal probability."""
 
     def __init__(self, *folders: Path, device: torch.device | str = "cpu") -> None:
-        """Look through every trajectory in ``folders``; windows will lie on ``device``.
+        """Open each trajectory in ``folders`` once to read its scene; the windows will be on ``device``.
 
-        Files are opened anew for every window, which takes 2 ms: a thousand open ones would be more than most
-        systems allow, and each would keep its last chunks in memory. What they are of is read only once.
+        Files are opened again for each window, which takes 2 ms. A thousand open files would exceed the limit of most
+        systems, and each would keep its last chunks in memory.
 
         Raises:
-            InputError: a folder has none, or one cannot be read or is of another frame time or particle radius.
+            InputError: a folder has no trajectories, or one is unreadable or has another frame time or particle radius.
         """
         self.paths: list[Path] = []
         for folder in folders:
@@ -96,31 +102,32 @@ class Windows:
             if not found:
                 raise InputError(f"{folder}: has no trajectories (*.h5); make some with 'surfsup generate'")
             self.paths += found
-        self._scenes, self._surroundings = [], []
+        self._scenes: list[Scene] = []
+        self._environments: list[Environment] = []
         for path in self.paths:
             with Trajectory(path) as trajectory:
                 check_units(path, trajectory)
                 scene = trajectory.scene
             self._scenes.append(scene)
-            self._surroundings.append(Environment.of(scene, scene.build_surface(), device))
+            self._environments.append(Environment.of(scene, scene.build_surface(), device))
 
     def __len__(self) -> int:
-        """The number of trajectories."""
+        """Number of trajectories."""
         return len(self.paths)
 
-    def draw(self, random: np.random.Generator, past: int, frames: int, starts: float = 0.0) -> Window:
-        """A window of ``past`` frames, the present one and ``frames`` more, of a random scene, time and symmetry.
-
-        Of all windows the share ``starts`` begins where its scene does.
+    def sample(
+        self, random: np.random.Generator, history_length: int, frames: int, scene_starts: float = 0.0
+    ) -> Window:
+        """As :meth:`WindowSource.sample`.
 
         Raises:
-            InputError: the scene's trajectory is too short for such a window.
+            InputError: the trajectory is too short for the window.
         """
         number = int(random.integers(len(self)))
-        path = self.paths[number]
-        with TrajectoryFrames(path) as frames_of:
-            return draw_window(
-                frames_of, self._scenes[number], str(path), self._surroundings[number], random, past, frames, starts
+        path, scene, environment = self.paths[number], self._scenes[number], self._environments[number]
+        with TrajectoryFrames(path) as trajectory:
+            return sample_window(
+                trajectory, scene, str(path), environment, random, history_length, frames, scene_starts
             )
 
 
@@ -128,59 +135,67 @@ class Frames(Protocol):
     """The frames of one scene, in a file or in memory."""
 
     def __len__(self) -> int:
-        """How many there are."""
+        """Number of frames."""
 
     def window(self, first: int, count: int) -> tuple[np.ndarray, np.ndarray]:
         """Positions and velocities (count, N, 3) float32 from frame ``first`` on."""
 
 
-def draw_window(
-    frames_of: Frames,
+def sample_window(
+    trajectory: Frames,
     scene: Scene,
     name: str,
     environment: Environment,
     random: np.random.Generator,
-    past: int,
+    history_length: int,
     frames: int,
-    starts: float = 0.0,
+    scene_starts: float = 0.0,
 ) -> Window:
-    """A window of ``past`` frames, the present one and ``frames`` more, of a random time and symmetry.
+    """A window of ``trajectory`` at a random time, under a random symmetry.
 
-    With the chance ``starts`` it begins where the scene does.
+    Args:
+        trajectory: all frames of the scene.
+        scene: the scene.
+        name: of the scene, for error messages.
+        environment: of the scene.
+        random: generator of the random numbers.
+        history_length: number of frames before the present one.
+        frames: number of frames after the present one.
+        scene_starts: probability that the present frame is the first of the scene.
 
     Raises:
-        InputError: there are too few frames for that, which the complaint says of ``name``.
+        InputError: the trajectory is too short for the window.
     """
-    last = len(frames_of) - 1 - frames
-    if last < past:
-        raise InputError(f"{name}: has {len(frames_of)} frames, training needs at least {past + 1 + frames}")
-    if begins := starts > 0 and random.random() < starts:
+    last = len(trajectory) - 1 - frames
+    if last < history_length:
+        raise InputError(f"{name}: has {len(trajectory)} frames, training needs at least {history_length + 1 + frames}")
+    if at_scene_start := scene_starts > 0 and random.random() < scene_starts:
         first, count = 0, 1 + frames
     else:
-        early = random.random() < EARLY_SHARE
-        end = max(past + 1, min(EARLY_FRAMES, last + 1)) if early else last + 1
-        first, count = int(random.integers(past, end)) - past, past + 1 + frames
+        early = random.random() < EARLY_FRACTION
+        end = max(history_length + 1, min(EARLY_FRAMES, last + 1)) if early else last + 1
+        first, count = int(random.integers(history_length, end)) - history_length, history_length + 1 + frames
     device = environment.lower.device
-    positions, velocities = (torch.from_numpy(values).to(device) for values in frames_of.window(first, count))
-    if begins:
-        positions, velocities = after_free_fall(positions, velocities, past, environment.gravity)
-    whole = Window(positions, velocities, past, environment, scene, name, begins)
-    return whole.transformed_by(symmetry(random).to(device))
+    positions, velocities = (torch.from_numpy(values).to(device) for values in trajectory.window(first, count))
+    if at_scene_start:
+        positions, velocities = prepend_free_fall(positions, velocities, history_length, environment.gravity)
+    window = Window(positions, velocities, history_length, environment, scene, name, at_scene_start)
+    return window.transformed_by(random_symmetry(random).to(device))
 
 
-def after_free_fall(positions: Tensor, velocities: Tensor, past: int, gravity: Tensor) -> tuple[Tensor, Tensor]:
-    """A scene's first frames (K, N, 3) with ``past`` more before them, in which its water falls as through nothing.
+def prepend_free_fall(positions: Tensor, velocities: Tensor, length: int, gravity: Tensor) -> tuple[Tensor, Tensor]:
+    """Prepend ``length`` frames of free fall to a scene's first frames (K, N, 3).
 
-    That is how a rollout's first state takes its past to have been.
+    This is the history of a rollout's first state.
     """
-    fallen = History.in_free_fall(positions[0], velocities[0], gravity, past).displacements
-    before = positions[0] - fallen.cumsum(dim=1).flip(1).transpose(0, 1)
-    frames = torch.arange(past, 0, -1, device=gravity.device)[:, None, None]
+    displacements = History.in_free_fall(positions[0], velocities[0], gravity, length).displacements
+    before = positions[0] - displacements.cumsum(dim=1).flip(1).transpose(0, 1)
+    frames = torch.arange(length, 0, -1, device=gravity.device)[:, None, None]
     return torch.cat([before, positions]), torch.cat([velocities[0] - FRAME_TIME * frames * gravity, velocities])
 
 
-def symmetry(random: np.random.Generator) -> Tensor:
-    """One of the eight symmetries (3, 3) of a square floor: turns and mirrorings that keep z."""
+def random_symmetry(random: np.random.Generator) -> Tensor:
+    """One of the eight symmetries (3, 3) of a square floor: rotations and reflections that keep z."""
     matrix = torch.eye(3)
     if random.random() < 0.5:
         matrix = matrix[[1, 0, 2]]

@@ -1,1 +1,1 @@
-"""The reference solver SPlisHSPlasH, run in a child process."""
+"""The reference solver SPlisHSPlasH, which runs in a child process."""

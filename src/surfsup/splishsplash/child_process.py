@@ -1,9 +1,9 @@
-"""The child process that runs one simulation: ``python -m surfsup.splishsplash.child_process SCENE FRAMES STEPS``.
+"""The child process of one simulation: ``python -m surfsup.splishsplash.child_process SCENE FRAMES STEPS_PER_FRAME``.
 
-It writes every frame to its standard output as raw float32: positions (N, 3), then velocities (N, 3).
-Before the first comes the number of particles as one int64. What the solver prints goes to standard error.
+Its standard output is the number of particles as one int64, then for each frame positions (N, 3) and velocities (N, 3)
+as raw float32. The solver's messages go to standard error.
 
-SPlisHSPlasH allows one simulation a process, and a crash in it must not take the caller down.
+SPlisHSPlasH allows one simulation per process, and its crash must not end the caller.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ def run(scene_file: str, frames: int, steps_per_frame: int, output: int) -> None
     step = 0
 
     def send_frame() -> None:
-        # The solver sorts particles for speed; a particle's id is its place at the start.
+        # The solver sorts its particles; a particle's id is its index at the start.
         order = np.argsort(np.array(fluid.getFieldBuffer("id"), copy=False)[:count])
         for field in ("position", "velocity"):
             values = np.array(fluid.getFieldBuffer(field), copy=False)[:count]
@@ -49,7 +49,7 @@ def run(scene_file: str, frames: int, steps_per_frame: int, output: int) -> None
         if step % steps_per_frame == 0:
             send_frame()
         if step == (frames - 1) * steps_per_frame:
-            base.setValueFloat(base.STOP_AT, 1e-9)  # any time that has passed; 0 would mean never
+            base.setValueFloat(base.STOP_AT, 1e-9)  # any time in the past; 0 would mean never
 
     send_frame()
     if frames > 1:
@@ -59,7 +59,7 @@ def run(scene_file: str, frames: int, steps_per_frame: int, output: int) -> None
 
 
 def write_all(descriptor: int, data: bytes) -> None:
-    """Write ``data`` whole; a pipe takes what fits and says how much that was."""
+    """Write all of ``data``; a pipe may accept a part only."""
     view = memoryview(data)
     while view:
         view = view[os.write(descriptor, view) :]

@@ -1,4 +1,4 @@
-"""What the solver is asked to do, as the files that SPlisHSPlasH reads."""
+"""The input files of one simulation by SPlisHSPlasH."""
 
 from __future__ import annotations
 
@@ -10,12 +10,10 @@ import numpy as np
 
 from surfsup.scene import PARTICLE_RADIUS
 from surfsup.sph.boundary.volume_map import VolumeMap
+from surfsup.sph.state import SUBSTEP_TIME
 from surfsup.splishsplash.map_file import write_map
 
-SOLVER_STEP = 0.001  # seconds
-STEPS_PER_FRAME = 5
-
-BODY_FILE = "body.obj"  # the solver wants triangles of every body, but looks at none where it is given a map
+BODY_FILE = "body.obj"  # the solver requires triangles for each body, but does not use them if there is a volume map
 
 VOLUME_MAPS = 2
 DFSPH = 4
@@ -29,13 +27,13 @@ def solver_scene(
     velocities: list[tuple[float, float, float]],
     map_files: list[str],
 ) -> dict[str, object]:
-    """The scene file of SPlisHSPlasH: DFSPH, water, fixed step, volume-map boundaries.
+    """The scene file of SPlisHSPlasH: DFSPH, water, a fixed time step, boundary volume maps.
 
     Args:
         gravity: m/s².
-        fluid_files: particle files beside the scene file, one a block of fluid.
+        fluid_files: particle files beside the scene file, one for each block of fluid.
         velocities: initial velocity of each block in m/s.
-        map_files: volume maps beside the scene file, one a boundary.
+        map_files: volume maps beside the scene file, one for each boundary.
     """
     bodies = [
         {"geometryFile": BODY_FILE, "isDynamic": False, "isWall": True, "mapInvert": False, "mapFile": file}
@@ -44,7 +42,7 @@ def solver_scene(
     return {
         "Configuration": {
             "particleRadius": PARTICLE_RADIUS,
-            "timeStepSize": SOLVER_STEP,
+            "timeStepSize": SUBSTEP_TIME,
             "cflMethod": FIXED_STEP,
             "gravitation": list(gravity),
             "simulationMethod": DFSPH,
@@ -80,7 +78,14 @@ def write_job(
     velocities: list[tuple[float, float, float]],
     boundaries: list[VolumeMap],
 ) -> Path:
-    """Write scene, particles and boundaries into ``folder``, which is this job's alone.
+    """Write the scene, the particles and the boundaries into ``folder``, which no other job uses.
+
+    Args:
+        folder: an empty folder.
+        gravity: m/s².
+        blocks: positions (N, 3) of each block of fluid, meters.
+        velocities: of each block, m/s.
+        boundaries: volume maps.
 
     Returns:
         The scene file's path.

@@ -1,4 +1,4 @@
-"""Loading SPlisHSPlasH without a crash where OpenGL is missing or is the system's."""
+"""Loads SPlisHSPlasH without a crash if OpenGL is missing or comes from the system."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from types import ModuleType
 
 from surfsup.errors import InputError
 
-# The solver's wheel brings parts of OpenGL that clash with a system's unless the system's come first.
+# The solver's wheel contains parts of OpenGL that conflict with the system's unless the system's are loaded first.
 OPENGL_LIBRARIES = ("libGLX.so.0", "libGLdispatch.so.0", "libGL.so.1")
 DEBIAN_PACKAGES = ("libgl1",)
 
@@ -16,7 +16,7 @@ def load_solver() -> ModuleType:
     """The module ``pysplishsplash``.
 
     Raises:
-        InputError: the package or a library of the system is missing; says what to install.
+        InputError: the package or a library of the system is missing; the message says what to install.
     """
     for name in OPENGL_LIBRARIES:
         try:

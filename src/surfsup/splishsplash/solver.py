@@ -1,4 +1,4 @@
-"""Ground truth: a scene run by SPlisHSPlasH in a child process."""
+"""The reference solver: runs a scene in SPlisHSPlasH, in a child process."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Generator
 from pathlib import Path
 from typing import IO
 
@@ -19,35 +19,38 @@ from surfsup.errors import InputError, SimulationError
 from surfsup.scene import InitialParticles, Scene
 from surfsup.sdf import Surface
 from surfsup.sph.boundary.scene_boundaries import scene_volume_maps
-from surfsup.splishsplash.job_files import STEPS_PER_FRAME, write_job
+from surfsup.sph.state import SUBSTEPS
+from surfsup.splishsplash.job_files import write_job
 
 NAME = "SPlisHSPlasH 2.19 DFSPH"
-FRAMES_AHEAD = 1 << 20  # bytes of frames that the solver may be ahead of whoever takes them
-INPUT_ERROR = f"{InputError.__module__}.{InputError.__name__}: "  # as it ends a traceback
+PIPE_SIZE = 1 << 20  # bytes of frames that the solver can be ahead of the reader
+INPUT_ERROR = f"{InputError.__module__}.{InputError.__name__}: "  # prefix of the last line of a traceback
+
+Frame = tuple[np.ndarray, np.ndarray]
 
 
 class SolverError(SimulationError):
-    """The reference solver stopped before it was done; the message is one line."""
+    """The reference solver stopped early. The message is one line."""
 
 
 def simulate(
     scene: Scene, surface: Surface | None, start: InitialParticles, threads: int = 1
-) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+) -> Generator[Frame, None, None]:
     """Run ``scene`` in SPlisHSPlasH and yield its frames as the solver makes them.
 
     Args:
-        scene: container, gravity and the number of frames.
-        surface: the scene's solid; the solver gets its signed distance.
+        scene: container, gravity and number of frames.
+        surface: the scene's solid; the solver gets its volume map.
         start: the particles of frame 0.
         threads: of the solver.
 
     Yields:
-        Positions (N, 3) in meters and velocities (N, 3) in m/s of one frame, both float32. Particle i is
-        the same in every frame and in ``start``.
+        Positions (N, 3) in meters and velocities (N, 3) in m/s of one frame, both float32. Particle i is the same in
+        all frames and in ``start``.
 
     Raises:
         SolverError: the child process ended early.
-        InputError: the solver or a library that it needs is not installed.
+        InputError: the solver or a library that it needs is not installed, or the surface is not near the container.
     """
     maps = scene_volume_maps(scene, surface)
     with tempfile.TemporaryDirectory(prefix="surfsup-") as folder, tempfile.TemporaryFile() as log:
@@ -55,16 +58,16 @@ def simulate(
         frames = run_child(scene_file, scene.frames, len(start.positions), threads, log)
         with contextlib.closing(frames):
             for number, frame in enumerate(frames):
-                if number == 1:  # by its first step the solver has read all there is; what follows may be killed
+                if number == 1:  # the solver has read all files by now; delete them before a kill can leave them behind
                     shutil.rmtree(folder)
                 yield frame
 
 
-def require() -> None:
-    """Refuse early where the solver cannot run; it is loaded in a process of its own, which may crash.
+def check_installed() -> None:
+    """Check in a process of its own, which may crash, that the solver can be loaded.
 
     Raises:
-        InputError: the solver or a library that it needs is missing; says what to install.
+        InputError: the solver or a library that it needs is missing; the message says what to install.
     """
     probe = "from surfsup.splishsplash.library import load_solver; load_solver()"
     done = subprocess.run([sys.executable, "-c", probe], capture_output=True, text=True, check=False)
@@ -75,19 +78,13 @@ def require() -> None:
 
 def run_child(
     scene_file: Path, frames: int, particles: int, threads: int, log: IO[bytes]
-) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-    """Start the child process on ``scene_file`` and yield the frames that it sends; what it says goes to ``log``."""
-    command = [
-        sys.executable,
-        "-m",
-        "surfsup.splishsplash.child_process",
-        str(scene_file),
-        str(frames),
-        str(STEPS_PER_FRAME),
-    ]
+) -> Generator[Frame, None, None]:
+    """Start the child process with ``scene_file`` and yield its frames; its messages go to ``log``."""
+    command = [sys.executable, "-m", "surfsup.splishsplash.child_process", str(scene_file), str(frames), str(SUBSTEPS)]
     environment = {**os.environ, "OMP_NUM_THREADS": str(threads), "OMP_WAIT_POLICY": "passive"}
     child = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=log, env=environment)
-    let_run_ahead(child.stdout)
+    assert child.stdout is not None
+    enlarge_pipe(child.stdout)
     try:
         header = child.stdout.read(8)
         count = int.from_bytes(header, sys.byteorder)
@@ -97,7 +94,7 @@ def run_child(
         for frame in range(frames):
             data = child.stdout.read(2 * size)
             if len(data) < 2 * size:
-                raise why_it_ended(child.wait(), frame, log)
+                raise exit_error(child.wait(), frame, log)
             values = np.frombuffer(data, dtype=np.float32).reshape(2, particles, 3)
             yield values[0].copy(), values[1].copy()
         child.wait()
@@ -107,23 +104,20 @@ def run_child(
         child.wait()
 
 
-def let_run_ahead(pipe: IO[bytes]) -> None:
-    """Have room in ``pipe`` for many frames, so that the solver steps on while those before are looked at."""
+def enlarge_pipe(pipe: IO[bytes]) -> None:
+    """Let ``pipe`` hold many frames, so that the solver continues while earlier frames are processed."""
     if hasattr(fcntl, "F_SETPIPE_SZ"):  # Linux
-        with contextlib.suppress(OSError):  # the system may grant less; it is only slower then
-            fcntl.fcntl(pipe.fileno(), fcntl.F_SETPIPE_SZ, FRAMES_AHEAD)
+        with contextlib.suppress(OSError):  # the system may grant less, which is only slower
+            fcntl.fcntl(pipe.fileno(), fcntl.F_SETPIPE_SZ, PIPE_SIZE)
 
 
-def why_it_ended(status: int, frame: int, log: IO[bytes]) -> Exception:
-    """The error, of one line, about a child that ended with ``status`` before it sent ``frame``."""
+def exit_error(status: int, frame: int, log: IO[bytes]) -> Exception:
+    """The error of one line for a child that ended with ``status`` before it sent ``frame``."""
     log.seek(0)
     lines = [line.strip() for line in log.read().decode(errors="replace").splitlines() if line.strip(" -")]
     last = lines[-1] if lines else ""
     if last.startswith(INPUT_ERROR):
         return InputError(last.removeprefix(INPUT_ERROR))
     cause = f"signal {-status}" if status < 0 else f"status {status}"
-    said = f": {last}" if last else ""
-    return SolverError(f"the reference solver ended with {cause} before frame {frame}{said}")
-
-
-__all__ = ["NAME", "SolverError", "simulate"]
+    message = f": {last}" if last else ""
+    return SolverError(f"the reference solver ended with {cause} before frame {frame}{message}")

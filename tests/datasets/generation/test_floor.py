@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from surfsup.datasets.generation.floor import NoFloorWarning, floor
+from surfsup.datasets.generation.floor import FloorWarning, simulate_floor
 from surfsup.datasets.generation.generate import generate
 from surfsup.errors import InputError
 from surfsup.io.trajectory import Provenance, Trajectory, TrajectoryWriter
@@ -18,17 +18,17 @@ def data(tmp_path):
     return tmp_path
 
 
-def test_each_scene_is_run_again_three_times_from_a_millimeter_away(data):
-    told = []
-    paths = floor(data, progress=lambda done, count, left: told.append((done, count)))
+def test_each_scene_is_run_three_times_with_its_water_moved_by_1_mm(data):
+    reports = []
+    paths = simulate_floor(data, progress=lambda done, count, left: reports.append((done, count)))
     assert [path.name for path in paths] == [f"0000{scene}-{run}.h5" for scene in (0, 1) for run in (1, 2, 3)]
-    assert told == [(done, 6) for done in range(7)]
+    assert reports == [(done, 6) for done in range(7)]
     for number, path in enumerate(paths):
         with Trajectory(path) as again, Trajectory(data / f"0000{number // 3}.h5") as truth:
             shift = 0.001 * np.eye(3)[number % 3]
             assert again.positions.shape == truth.positions.shape
             np.testing.assert_allclose(again.positions[0], truth.positions[0] + shift, atol=1e-6)
-            # The same lattice, in free fall: it stays a millimeter away.
+            # The same lattice in free fall stays 1 mm away.
             np.testing.assert_allclose(again.positions[-1], truth.positions[-1] + shift, atol=1e-5)
             block, original = again.scene.fluid[0].block, truth.scene.fluid[0].block
             np.testing.assert_allclose(np.subtract(block.min, original.min), shift, atol=1e-9)
@@ -36,17 +36,17 @@ def test_each_scene_is_run_again_three_times_from_a_millimeter_away(data):
             assert again.provenance.simulator == solver.NAME
 
 
-def test_what_is_missing_is_made_again_to_the_byte_and_the_rest_kept(data):
-    paths = floor(data)
+def test_missing_runs_are_made_again_to_the_byte_and_others_kept(data):
+    paths = simulate_floor(data)
     before = {path: path.read_bytes() for path in paths}
     paths[4].unlink()
-    told = []
-    floor(data, workers=1, progress=lambda done, count, left: told.append((done, count)))
-    assert told == [(5, 6), (6, 6)]
+    reports = []
+    simulate_floor(data, workers=1, progress=lambda done, count, left: reports.append((done, count)))
+    assert reports == [(5, 6), (6, 6)]
     assert {path: path.read_bytes() for path in paths} == before
 
 
-def test_a_scene_that_cannot_be_run_again_is_left_out_and_its_reason_told(data):
+def test_a_failed_run_is_left_out_with_a_warning(data):
     scene = Scene.from_yaml(
         "container: {size: [0.4, 0.4, 0.4]}\ngravity: [0, 0, -1e6]\n"
         "fluid: [{block: {min: [0, 0, 0.1], max: [0.1, 0.1, 0.2]}}]",
@@ -56,30 +56,30 @@ def test_a_scene_that_cannot_be_run_again_is_left_out_and_its_reason_told(data):
     with TrajectoryWriter(data / "00002.h5", scene, Provenance("none"), len(start.positions)) as writer:
         for _ in range(6):
             writer.append(start.positions, start.velocities)
-    with pytest.warns(NoFloorWarning) as told:
-        paths = floor(data)
+    with pytest.warns(FloorWarning) as reports:
+        paths = simulate_floor(data)
     assert len(paths) == 6
-    complaints = [f"{data}/floor/00002-{run}.h5: a particle left the container" for run in (1, 2, 3)]
-    assert [str(warning.message) for warning in told] == complaints
+    messages = [f"{data}/floor/00002-{run}.h5: a particle left the container" for run in (1, 2, 3)]
+    assert [str(warning.message) for warning in reports] == messages
     failed = data / "floor" / "00002-3.failed.txt"
     assert failed.read_text() == "a particle left the container\n"
 
 
-def test_a_trajectory_that_was_cut_off_is_named_and_left_out(data):
+def test_a_truncated_trajectory_is_left_out_with_a_warning(data):
     path = data / "00001.h5"
     path.write_bytes(path.read_bytes()[:3000])
-    with pytest.warns(NoFloorWarning, match=r"00001\.h5.*it is left out"):
-        assert len(floor(data)) == 3
+    with pytest.warns(FloorWarning, match=r"00001\.h5.*it is left out"):
+        assert len(simulate_floor(data)) == 3
 
 
-def test_a_floor_of_other_scenes_is_refused_and_named(data):
-    floor(data)
+def test_a_floor_of_other_scenes_is_an_error(data):
+    simulate_floor(data)
     (data / "00001.h5").write_bytes((data / "00000.h5").read_bytes())
     with pytest.raises(InputError, match=r"00001-1\.h5: is not 00001\.h5 run again"):
-        floor(data)
+        simulate_floor(data)
 
 
-def test_a_folder_without_trajectories_is_refused(tmp_path):
+def test_a_folder_without_trajectories_is_an_error(tmp_path):
     with pytest.raises(InputError, match="has no trajectories"):
-        floor(tmp_path)
+        simulate_floor(tmp_path)
     assert not list(tmp_path.iterdir())

@@ -1,4 +1,4 @@
-"""The project's own solids: closed, in one piece, fine, and the same every time."""
+"""The coral, the lion and the room are closed, connected, detailed and reproducible."""
 
 import subprocess
 import sys
@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import torch
 
-from surfsup.datasets.procedural.coral import CELL, TIP, coral, grow, thickness
+from surfsup.datasets.procedural.coral import CELL, TIP_RADIUS, branch_radii, coral, grow
 from surfsup.datasets.procedural.lion import lion
 from surfsup.datasets.procedural.room import FLOOR, HALF, HIGH, room
 from surfsup.scene import Shape
@@ -15,27 +15,27 @@ from surfsup.sdf import polygonize
 
 
 @pytest.fixture(scope="module", params=[coral, lion])
-def sculpture(request):
+def statue(request):
     return request.param()
 
 
-def test_a_sculpture_is_one_closed_solid_of_a_fitting_size(sculpture):
-    assert sculpture.is_watertight
-    assert sculpture.is_winding_consistent
-    assert sculpture.body_count == 1
-    assert sculpture.volume > 0.1
-    assert 50_000 < len(sculpture.faces) < 100_000
-    assert 1.8 < sculpture.extents.max() < 2.1
-    assert abs(sculpture.bounds[0, 2]) < CELL  # it stands on the floor
+def test_a_statue_is_one_closed_solid_of_the_right_size(statue):
+    assert statue.is_watertight
+    assert statue.is_winding_consistent
+    assert statue.body_count == 1
+    assert statue.volume > 0.1
+    assert 50_000 < len(statue.faces) < 100_000
+    assert 1.8 < statue.extents.max() < 2.1
+    assert abs(statue.bounds[0, 2]) < CELL  # it stands on the floor
 
 
-def test_a_sculpture_has_far_more_surface_than_a_ball_of_its_volume(sculpture):
-    ball = 4 * np.pi * (3 * sculpture.volume / (4 * np.pi)) ** (2 / 3)
-    assert sculpture.area > 1.9 * ball
+def test_a_statue_has_far_more_area_than_a_ball_of_its_volume(statue):
+    ball = 4 * np.pi * (3 * statue.volume / (4 * np.pi)) ** (2 / 3)
+    assert statue.area > 1.9 * ball
 
 
 @pytest.mark.parametrize("make", [coral, lion])
-def test_a_sculpture_is_the_same_every_time(make):
+def test_a_statue_is_reproducible(make):
     first, second = make(), make()
     np.testing.assert_array_equal(first.vertices, second.vertices)
     np.testing.assert_array_equal(first.faces, second.faces)
@@ -48,10 +48,10 @@ def test_another_seed_grows_another_coral():
 
 def test_the_corals_fingers_are_thin_at_the_tips_and_thicker_below():
     nodes, parents = grow(np.random.default_rng(0))
-    radii = thickness(parents)
+    radii = branch_radii(parents)
     tips = np.setdiff1d(np.arange(len(nodes)), parents)
     assert len(tips) > 60
-    np.testing.assert_allclose(radii[tips], TIP)
+    np.testing.assert_allclose(radii[tips], TIP_RADIUS)
     later = parents >= 0
     assert (radii[later] <= radii[parents[later]] + 1e-12).all()
     assert (parents < np.arange(len(parents))).all()
@@ -63,7 +63,7 @@ def pieces(shape: Shape) -> list[Shape]:
     return [shape] if shape.union is None else [piece for part in shape.union for piece in pieces(part)]
 
 
-def test_the_room_is_furnished_and_nothing_in_it_is_too_thin():
+def test_the_room_has_furniture_and_no_part_is_too_thin():
     parts = pieces(room())
     assert len(parts) > 60
     for piece in parts:
@@ -73,7 +73,7 @@ def test_the_room_is_furnished_and_nothing_in_it_is_too_thin():
             assert min(2 * piece.cylinder.radius, piece.cylinder.height) >= 0.035
 
 
-def test_the_room_is_one_solid_open_above():
+def test_the_room_is_one_solid_with_an_open_top():
     surface = room().surface()
     np.testing.assert_allclose(surface.bounds().numpy(), [[-HALF, -HALF, 0], [HALF, HALF, HIGH]], atol=1e-6)
     assert polygonize(surface, 100).body_count == 1
@@ -82,5 +82,5 @@ def test_the_room_is_one_solid_open_above():
     assert float(surface.distance(torch.tensor([[0.0, -0.7, FLOOR + 0.1]]))) == pytest.approx(0.1, abs=1e-5)
 
 
-def test_a_sculpture_can_be_imported_before_any_recipe():
+def test_the_room_can_be_imported_before_any_recipe():
     subprocess.run([sys.executable, "-c", "import surfsup.datasets.procedural.room"], check=True)

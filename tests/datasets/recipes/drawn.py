@@ -1,4 +1,4 @@
-"""Scenes as a data set draws them, and what must hold for each of them, whatever the recipe."""
+"""Scenes as a data set draws them, and checks that hold for the scenes of every recipe."""
 
 from pathlib import Path
 
@@ -20,16 +20,16 @@ def scenes(name: str, count: int, folder: Path = Path()) -> list[Scene]:
     return [draw(recipe, index) for index in range(count)]
 
 
-def written_and_read(scene: Scene, folder: Path = Path()) -> Scene:
+def round_trip(scene: Scene, folder: Path = Path()) -> Scene:
     return Scene.from_yaml(scene.to_yaml(), "scene.yaml", folder)
 
 
-def assert_sound(scene: Scene, particles: tuple[int, int], folder: Path = Path()) -> None:
-    """The scene is the same from a file, its solid is in the container, its water clear of solid and walls."""
-    read = written_and_read(scene, folder)
+def assert_valid(scene: Scene, particles: tuple[int, int], folder: Path = Path()) -> None:
+    """Check that a file restores the scene, its solid is in the container, and the water is clear of both."""
+    read = round_trip(scene, folder)
     assert read.model_dump() == scene.model_dump()
     surface = read.build_surface()
-    start = read.initial_particles(surface)  # refuses blocks that reach out of the container
+    start = read.initial_particles(surface)  # raises if a block is not in the container
     assert start.excluded == 0
     assert particles[0] <= len(start.positions) <= particles[1]
     with torch.no_grad():

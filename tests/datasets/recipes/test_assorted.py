@@ -1,20 +1,20 @@
-"""Assorted scenes: sound, and of everything that the other recipes never vary."""
+"""Assorted scenes are valid and vary everything that the other recipes keep fixed."""
 
 import numpy as np
 import pytest
 import torch
 
-from surfsup.datasets.recipes.assorted import CLEAR, TRIES, free_block, is_clear
-from surfsup.scene import Block, Container, Fluid
+from surfsup.datasets.recipes.assorted import ATTEMPTS, SOLID_GAP, free_block, is_clear
+from surfsup.scene import Block, Container
 from surfsup.sdf import Box
-from tests.datasets.recipes.drawn import scenes, written_and_read
+from tests.datasets.recipes.drawn import round_trip, scenes
 
 SCENES = scenes("assorted", 60)
 
 
 @pytest.mark.parametrize("index", range(60))
-def test_every_scene_is_sound(index):
-    scene = written_and_read(SCENES[index])
+def test_every_scene_is_valid(index):
+    scene = round_trip(SCENES[index])
     assert scene.model_dump() == SCENES[index].model_dump()
     surface = scene.build_surface()
     start = scene.initial_particles(surface)
@@ -22,7 +22,7 @@ def test_every_scene_is_sound(index):
     assert 200 <= len(start.positions) <= 10_000
     if surface is not None:
         with torch.no_grad():
-            assert float(surface.distance(torch.from_numpy(start.positions)).min()) > CLEAR
+            assert float(surface.distance(torch.from_numpy(start.positions)).min()) > SOLID_GAP
 
 
 def test_every_sixth_scene_has_no_solid():
@@ -40,12 +40,12 @@ def test_container_gravity_velocity_and_blocks_vary():
     assert 20 < sum(thrown) < 55
 
 
-def test_a_block_near_a_solid_is_refused():
+def test_a_block_near_a_solid_is_not_clear():
     assert not is_clear(Block(min=(0, 0, 1), max=(0.3, 0.3, 1.3)), Box((0.5, 0.5, 2.04)))
     assert is_clear(Block(min=(0, 0, 1), max=(0.3, 0.3, 1.3)), Box((0.5, 0.5, 1.9)))
 
 
-def test_where_there_is_no_room_for_a_second_block_there_is_none():
+def test_without_room_there_is_no_second_block():
     small = Container(size=(0.62, 0.62, 0.65))
-    full = [Fluid(block=Block(min=(-0.3, -0.3, 0.01), max=(0.3, 0.3, 0.6)))]
-    assert free_block(small, None, full, np.random.default_rng(TRIES)) == []
+    blocks = [Block((-0.3, -0.3, 0.01), (0.3, 0.3, 0.6))]
+    assert free_block(small, None, blocks, np.random.default_rng(ATTEMPTS)) == []

@@ -1,16 +1,16 @@
-"""Chairs: drawn ones that hold together, and those of a ShapeNetCore folder."""
+"""Procedural chairs, and chairs of a ShapeNetCore folder."""
 
 import numpy as np
 import pytest
 import trimesh
 
-from surfsup.datasets.procedural.chairs import THINNEST, chair
+from surfsup.datasets.procedural.chairs import MIN_THICKNESS, chair
 from surfsup.datasets.recipes import RECIPES
-from surfsup.datasets.recipes.mesh_files import UnusableMesh
+from surfsup.datasets.recipes.mesh_files import InvalidMeshWarning
 from surfsup.errors import InputError
 from surfsup.scene import Shape
 from surfsup.sdf import polygonize
-from tests.datasets.recipes.drawn import assert_sound, draw, scenes
+from tests.datasets.recipes.drawn import assert_valid, draw, scenes
 
 SCENES = scenes("chairs", 60)
 
@@ -20,8 +20,8 @@ def pieces(shape: Shape) -> list[Shape]:
 
 
 @pytest.mark.parametrize("index", range(len(SCENES)))
-def test_every_scene_is_sound(index):
-    assert_sound(SCENES[index], particles=(12**3, 15**3))
+def test_every_scene_is_valid(index):
+    assert_valid(SCENES[index], particles=(12**3, 15**3))
 
 
 @pytest.mark.parametrize("seed", range(25))
@@ -33,15 +33,15 @@ def test_a_chair_is_one_solid_that_stands_on_the_floor(seed):
     assert mesh.bounds[1, 2] < 1.15
 
 
-def test_no_part_is_thinner_than_the_solver_holds():
+def test_no_part_is_too_thin():
     for seed in range(300):
         for piece in pieces(chair(np.random.default_rng(seed))):
             sides = piece.box.size if piece.box else (2 * piece.cylinder.radius, piece.cylinder.height)
-            assert min(sides) >= THINNEST - 1e-9
+            assert min(sides) >= MIN_THICKNESS - 1e-9
             assert piece.scale == 1
 
 
-def test_chairs_differ_in_kind_and_not_only_in_size():
+def test_chairs_differ_in_kind_and_size():
     drawn = [pieces(chair(np.random.default_rng(seed))) for seed in range(300)]
     plans = {tuple(piece.kind for piece in parts) for parts in drawn}
     assert len(plans) > 40
@@ -69,7 +69,7 @@ MODELS = {"b2": stool(0.9), "a1": stool(0.6), "c3": stool(0.3)}
 
 
 @pytest.mark.parametrize("below", ["", "03001627", ".."])
-def test_shapenets_folder_its_category_and_the_folder_above_are_all_understood(tmp_path, below):
+def test_shapenets_folder_its_category_and_the_parent_folder_are_accepted(tmp_path, below):
     source = shapenet(tmp_path / "here" / "ShapeNetCore.v2", MODELS) / below
     recipe = RECIPES["chairs"](tmp_path / "data")
     recipe.prepare(source, 2)
@@ -80,25 +80,25 @@ def test_shapenets_folder_its_category_and_the_folder_above_are_all_understood(t
         f"surfaces/{n}.obj" for n in ("a1", "b2", "c3", "a1", "b2")
     ]
     for scene in found:
-        assert_sound(scene, particles=(12**3, 15**3), folder=tmp_path / "data")
-    tall = found[1].build_surface().bounds()  # the scene knows where its file lies
+        assert_valid(scene, particles=(12**3, 15**3), folder=tmp_path / "data")
+    tall = found[1].build_surface().bounds()
     assert float(tall[1, 2] - tall[0, 2]) == pytest.approx(0.9, abs=1e-6)  # y was up
 
 
-def test_a_chair_that_cannot_be_used_is_named_and_left_out(tmp_path):
+def test_an_invalid_chair_is_left_out_with_a_warning(tmp_path):
     source = shapenet(tmp_path / "source", {**MODELS, "a0": "v 0 0 0\n", "b0": "no mesh"})
     recipe = RECIPES["chairs"](tmp_path / "data")
-    with pytest.warns(UnusableMesh) as warned:
+    with pytest.warns(InvalidMeshWarning) as warned:
         recipe.prepare(source, 9)
     assert len(warned) == 2
     assert "a0/models/model_normalized.obj" in str(warned[0].message)
     assert {draw(recipe, index).surface.mesh.file.stem for index in range(9)} == set(MODELS)
 
 
-def test_a_folder_without_usable_chairs_is_one_line(tmp_path):
+def test_a_folder_without_valid_chairs_is_an_error(tmp_path):
     recipe = RECIPES["chairs"](tmp_path / "data")
     with pytest.raises(InputError, match=r"nowhere: holds no chairs; give the folder of ShapeNetCore"):
         recipe.prepare(tmp_path / "nowhere", 3)
     source = shapenet(tmp_path / "source", {"a0": "v 0 0 0\n"})
-    with pytest.warns(UnusableMesh), pytest.raises(InputError, match="none of its 1 chairs can be used"):
+    with pytest.warns(InvalidMeshWarning), pytest.raises(InputError, match="none of its 1 chairs can be used"):
         recipe.prepare(source, 3)

@@ -1,33 +1,33 @@
-"""Complex-Scenes: the project's own coral, room and lion, or any folder of meshes."""
+"""Complex-Scenes: our own coral, room and lion, or any folder of meshes."""
 
 import numpy as np
 import pytest
 import trimesh
 
 from surfsup.datasets.recipes import RECIPES
-from surfsup.datasets.recipes.mesh_files import UnusableMesh
+from surfsup.datasets.recipes.mesh_files import InvalidMeshWarning
 from surfsup.errors import InputError
-from tests.datasets.recipes.drawn import assert_sound, draw
+from tests.datasets.recipes.drawn import assert_valid, draw
 
 PARTICLES = (19**3, 21**3)
 
 
 @pytest.fixture(scope="module")
 def own(tmp_path_factory):
-    """The recipe with the project's own solids."""
+    """The recipe with our own solids."""
     recipe = RECIPES["complex-scenes"](tmp_path_factory.mktemp("own"))
     recipe.prepare(None, 3)
     return recipe
 
 
 @pytest.mark.parametrize("index", range(3))
-def test_every_scene_of_our_own_is_sound(own, index):
+def test_every_scene_of_our_own_is_valid(own, index):
     scene = draw(own, index)
     assert scene.container.size == (2.0, 2.0, 3.0)
-    assert_sound(scene, PARTICLES, own.folder)
+    assert_valid(scene, PARTICLES, own.folder)
 
 
-def test_coral_room_and_lion_take_turns(own):
+def test_coral_room_and_lion_alternate(own):
     scenes = [draw(own, index) for index in range(6)]
     kinds = [scene.surface.mesh.file.name if scene.surface.mesh else scene.surface.kind for scene in scenes]
     assert kinds == ["coral.ply", "union", "lion.ply"] * 2
@@ -35,7 +35,7 @@ def test_coral_room_and_lion_take_turns(own):
 
 
 @pytest.mark.parametrize("index", [0, 2])
-def test_the_largest_extent_is_the_supplements_cube_less_a_little_room(own, index):
+def test_the_largest_extent_is_slightly_less_than_the_supplements_cube(own, index):
     lower, upper = draw(own, index).build_surface().surface.bounds()
     assert float((upper - lower).max()) == pytest.approx(1.9, abs=1e-5)
 
@@ -46,7 +46,7 @@ def test_the_water_falls_into_the_room(own):
         assert (np.abs([*block.min[:2], *block.max[:2]]) < 0.9).all()
 
 
-def test_only_what_is_needed_is_sculpted_and_only_once(tmp_path):
+def test_only_the_required_meshes_are_written_and_only_once(tmp_path):
     recipe = RECIPES["complex-scenes"](tmp_path)
     recipe.prepare(None, 2)
     coral = tmp_path / "surfaces" / "coral.ply"
@@ -56,7 +56,7 @@ def test_only_what_is_needed_is_sculpted_and_only_once(tmp_path):
     assert coral.stat().st_mtime_ns == before
 
 
-def test_a_folder_of_meshes_takes_turns_and_what_cannot_be_used_is_named(tmp_path):
+def test_the_meshes_of_a_folder_alternate_and_invalid_ones_are_named(tmp_path):
     source = tmp_path / "meshes"
     source.mkdir()
     trimesh.creation.box((3.0, 1.0, 0.5)).export(source / "b.stl")
@@ -64,21 +64,21 @@ def test_a_folder_of_meshes_takes_turns_and_what_cannot_be_used_is_named(tmp_pat
     (source / "broken.ply").write_text("ply\nnothing\n")
     (source / "notes.txt").write_text("no mesh")
     recipe = RECIPES["complex-scenes"](tmp_path / "data")
-    with pytest.warns(UnusableMesh, match=r"broken\.ply.*left out") as warned:
+    with pytest.warns(InvalidMeshWarning, match=r"broken\.ply.*left out") as warned:
         recipe.prepare(source, 9)
     assert len(warned) == 1
     scenes = [draw(recipe, index) for index in range(4)]
     assert [str(scene.surface.mesh.file) for scene in scenes] == ["surfaces/a.obj", "surfaces/b.stl"] * 2
     for scene in scenes[:2]:
-        assert_sound(scene, PARTICLES, tmp_path / "data")
+        assert_valid(scene, PARTICLES, tmp_path / "data")
 
 
-def test_a_folder_without_usable_meshes_is_one_line(tmp_path):
+def test_a_folder_without_valid_meshes_is_an_error(tmp_path):
     recipe = RECIPES["complex-scenes"](tmp_path / "data")
     with pytest.raises(InputError, match="it holds no file that ends in obj, stl"):
         recipe.prepare(tmp_path, 3)
     with pytest.raises(InputError, match="nowhere: has no mesh"):
         recipe.prepare(tmp_path / "nowhere", 3)
     (tmp_path / "broken.ply").write_text("ply\nnothing\n")
-    with pytest.warns(UnusableMesh), pytest.raises(InputError, match="see the warnings"):
+    with pytest.warns(InvalidMeshWarning), pytest.raises(InputError, match="see the warnings"):
         recipe.prepare(tmp_path, 3)

@@ -1,4 +1,4 @@
-"""The hills: terrains drawn at random, from wall to wall, under one or two blocks of water."""
+"""Hills: random terrains from wall to wall, below one or two blocks of water."""
 
 import numpy as np
 import pytest
@@ -6,17 +6,17 @@ from scipy.ndimage import uniform_filter
 
 from surfsup.datasets.recipes import RECIPES
 from surfsup.datasets.recipes.hills import terrain
-from tests.datasets.recipes.drawn import assert_sound, draw, written_and_read
+from tests.datasets.recipes.drawn import assert_valid, draw, round_trip
 
 PARTICLES = (12**3, 2 * 16**3)
 
 
 @pytest.mark.parametrize("index", range(4))
-def test_every_scene_is_sound(tmp_path, index):
-    assert_sound(draw(RECIPES["hills"](tmp_path), index), PARTICLES, tmp_path)
+def test_every_scene_is_valid(tmp_path, index):
+    assert_valid(draw(RECIPES["hills"](tmp_path), index), PARTICLES, tmp_path)
 
 
-def test_a_terrain_goes_from_wall_to_wall(tmp_path):
+def test_a_terrain_extends_from_wall_to_wall(tmp_path):
     scene = draw(RECIPES["hills"](tmp_path), 0)
     lower, upper = scene.build_surface().bounds().numpy()
     np.testing.assert_allclose(lower, scene.container.lower, atol=1e-6)
@@ -24,7 +24,7 @@ def test_a_terrain_goes_from_wall_to_wall(tmp_path):
     assert upper[2] == pytest.approx(0.1 + scene.surface.heightfield.height)
 
 
-def test_a_scene_drawn_again_finds_its_terrain(tmp_path):
+def test_a_second_draw_uses_the_same_terrain_file(tmp_path):
     recipe = RECIPES["hills"](tmp_path)
     scene = draw(recipe, 1)
     file = tmp_path / scene.surface.heightfield.file
@@ -32,7 +32,7 @@ def test_a_scene_drawn_again_finds_its_terrain(tmp_path):
     assert draw(recipe, 1).to_yaml() == scene.to_yaml()
     assert [path.name for path in file.parent.iterdir()] == [file.name]
     assert file.read_bytes() == before
-    assert written_and_read(scene, tmp_path).model_dump() == scene.model_dump()
+    assert round_trip(scene, tmp_path).model_dump() == scene.model_dump()
 
 
 def test_other_scenes_have_other_terrains(tmp_path):
@@ -42,22 +42,22 @@ def test_other_scenes_have_other_terrains(tmp_path):
     assert len(files) == 7
 
 
-def test_a_scene_set_aside_takes_its_terrain_along_and_leaves_those_of_others(tmp_path):
+def test_a_discarded_scene_loses_its_terrain_and_others_keep_theirs(tmp_path):
     recipe = RECIPES["hills"](tmp_path)
     first, second = draw(recipe, 0), draw(recipe, 1)
-    for _ in range(2):  # a lost worker's scene may be set aside again
-        recipe.set_aside(first)
+    for _ in range(2):  # a lost worker's scene may be discarded twice
+        recipe.discard(first)
     assert [path.name for path in (tmp_path / "surfaces").iterdir()] == [second.surface.heightfield.file.name]
 
 
-def test_a_terrain_is_all_of_zero_to_one_and_the_long_waves_are_the_high_ones():
+def test_heights_are_from_zero_to_one_and_long_waves_dominate():
     for seed in range(6):
         heights = terrain((60, 90), np.random.default_rng(seed))
         assert (heights.min(), heights.max()) == (0.0, 1.0)
         assert np.std(heights - uniform_filter(heights, 9)) < 0.5 * np.std(heights)
 
 
-def test_some_terrains_are_level_at_the_bottom():
+def test_some_terrains_have_a_level_bottom():
     level = [(terrain((60, 60), np.random.default_rng(seed)) == 0).mean() for seed in range(30)]
     bottoms = [share for share in level if share > 0.01]
     assert 4 <= len(bottoms) <= 17
@@ -65,6 +65,6 @@ def test_some_terrains_are_level_at_the_bottom():
 
 
 def test_opposite_sides_differ():
-    # Waves of a period as long as the terrain would meet themselves there.
+    # Waves whose period is the length of the terrain would make them equal.
     heights = terrain((60, 60), np.random.default_rng(1))
     assert np.abs(heights[0] - heights[-1]).mean() > 3 * np.abs(heights[0] - heights[1]).mean()

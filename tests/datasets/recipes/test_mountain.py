@@ -1,13 +1,13 @@
-"""The mountain: any terrain, as a solid from wall to wall, under three blocks of water."""
+"""Mountain: any terrain as a solid from wall to wall, below three blocks of water."""
 
 import numpy as np
 import pytest
 from PIL import Image
 
 from surfsup.datasets.recipes import RECIPES
-from surfsup.datasets.recipes.mountain import MOST_SAMPLES, coarser
+from surfsup.datasets.recipes.mountain import MAX_SAMPLES, downsample
 from surfsup.errors import InputError
-from tests.datasets.recipes.drawn import assert_sound, draw
+from tests.datasets.recipes.drawn import assert_valid, draw
 
 PARTICLES = (3 * 12**3, 3 * 15**3)
 
@@ -22,23 +22,23 @@ def hills(tmp_path):
 
 
 @pytest.mark.parametrize("index", range(3))
-def test_every_scene_is_sound(tmp_path, hills, index):
+def test_every_scene_is_valid(tmp_path, hills, index):
     recipe = RECIPES["mountain"](tmp_path / "data")
     recipe.prepare(hills, 3)
     scene = draw(recipe, index)
     assert scene.container.size == (2.25, 3.0, 2.0)
     assert len(scene.fluid) == 3
-    assert_sound(scene, PARTICLES, tmp_path / "data")
+    assert_valid(scene, PARTICLES, tmp_path / "data")
 
 
-def test_the_terrain_goes_from_wall_to_wall(tmp_path, hills):
+def test_the_terrain_extends_from_wall_to_wall(tmp_path, hills):
     recipe = RECIPES["mountain"](tmp_path / "data")
     recipe.prepare(hills, 1)
     bounds = draw(recipe, 0).build_surface().bounds().numpy()
     np.testing.assert_allclose(bounds, [[-1.125, -1.5, 0], [1.125, 1.5, 0.8]], atol=1e-6)
 
 
-def test_the_default_is_matplotlibs_elevations(tmp_path):
+def test_the_default_terrain_is_matplotlibs_elevation_data(tmp_path):
     recipe = RECIPES["mountain"](tmp_path)
     recipe.prepare(None, 1)
     scenes = [draw(recipe, index) for index in range(10)]
@@ -47,10 +47,10 @@ def test_the_default_is_matplotlibs_elevations(tmp_path):
     heights = np.load(tmp_path / "surfaces" / "mountain.npy")
     assert heights.shape == (150, 150)
     assert 250 < heights.min() < heights.max() < 1100  # meters above the sea
-    assert_sound(scenes[0], PARTICLES, tmp_path)
+    assert_valid(scenes[0], PARTICLES, tmp_path)
 
 
-def test_a_terrain_that_is_there_stays(tmp_path, hills):
+def test_an_existing_terrain_is_kept(tmp_path, hills):
     recipe = RECIPES["mountain"](tmp_path / "data")
     recipe.prepare(hills, 1)
     before = draw(recipe, 0)
@@ -58,15 +58,15 @@ def test_a_terrain_that_is_there_stays(tmp_path, hills):
     assert draw(recipe, 0) == before
 
 
-def test_detail_finer_than_the_particles_is_averaged():
-    heights = np.add.outer(np.zeros(4 * MOST_SAMPLES + 3), np.arange(2.0 * MOST_SAMPLES))
-    small = coarser(heights)
-    assert max(small.shape) <= MOST_SAMPLES
+def test_fine_detail_is_averaged():
+    heights = np.add.outer(np.zeros(4 * MAX_SAMPLES + 3), np.arange(2.0 * MAX_SAMPLES))
+    small = downsample(heights)
+    assert max(small.shape) <= MAX_SAMPLES
     np.testing.assert_allclose(np.diff(small, axis=1), heights.shape[0] // small.shape[0])
-    np.testing.assert_array_equal(coarser(small), small)
+    np.testing.assert_array_equal(downsample(small), small)
 
 
-def test_a_strip_or_no_terrain_is_one_line(tmp_path):
+def test_a_strip_or_an_invalid_terrain_is_an_error(tmp_path):
     np.save(tmp_path / "strip.npy", np.zeros((10, 100)))
     with pytest.raises(InputError, match=r"strip.npy: is a strip of 10 x 100 samples; cut it"):
         RECIPES["mountain"](tmp_path / "data").prepare(tmp_path / "strip.npy", 1)
@@ -76,7 +76,7 @@ def test_a_strip_or_no_terrain_is_one_line(tmp_path):
     assert not (tmp_path / "data").exists()
 
 
-def test_without_matplotlib_the_way_to_install_it_is_told(tmp_path, monkeypatch):
+def test_without_matplotlib_the_error_says_how_to_install_it(tmp_path, monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, "matplotlib", None)
     with pytest.raises(InputError, match=r"pip install 'surfsup\[terrain\]'"):
         RECIPES["mountain"](tmp_path).prepare(None, 1)

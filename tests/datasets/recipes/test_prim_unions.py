@@ -4,15 +4,15 @@ import numpy as np
 import pytest
 
 from surfsup.datasets.recipes.extent import extent
-from surfsup.datasets.recipes.prim_unions import HIGHEST, SINK, seat
+from surfsup.datasets.recipes.prim_unions import MAX_HEIGHT, SINK, seat
 from surfsup.sdf import polygonize
-from tests.datasets.recipes.drawn import assert_sound, scenes
+from tests.datasets.recipes.drawn import assert_valid, scenes
 
 SCENES = scenes("prim-unions", 40)
 NUMBERS = pytest.mark.parametrize("index", range(len(SCENES)))
 
 
-def test_all_ten_pairs_of_different_shapes_take_turns():
+def test_all_ten_pairs_of_different_shapes_alternate():
     pairs = [frozenset(part.kind for part in scene.surface.union) for scene in SCENES]
     assert len(set(pairs[:10])) == 10
     assert all(len(pair) == 2 for pair in pairs)
@@ -20,17 +20,17 @@ def test_all_ten_pairs_of_different_shapes_take_turns():
 
 
 @NUMBERS
-def test_every_scene_is_sound(index):
-    assert_sound(SCENES[index], particles=(12**3, 15**3))
+def test_every_scene_is_valid(index):
+    assert_valid(SCENES[index], particles=(12**3, 15**3))
 
 
 @NUMBERS
-def test_the_upper_shape_reaches_into_the_base_and_no_deeper(index):
+def test_the_upper_shape_is_sunk_into_the_base(index):
     base, upper = SCENES[index].surface.union
     assert base.kind != "cone"
     assert extent(upper)[0][2] == pytest.approx(extent(base)[1][2] - SINK, abs=1e-9)
     lowest, highest = np.min([extent(base)[0], extent(upper)[0]], axis=0), extent(upper)[1]
-    assert SCENES[index].surface.scale * (highest[2] - lowest[2]) <= HIGHEST + 1e-9
+    assert SCENES[index].surface.scale * (highest[2] - lowest[2]) <= MAX_HEIGHT + 1e-9
 
 
 @pytest.mark.parametrize("index", range(10))
@@ -47,7 +47,7 @@ def test_either_shape_of_a_pair_may_be_the_base():
 
 @pytest.mark.parametrize("seed", range(20))
 @pytest.mark.parametrize("index", [0, 4, 7, 8])
-def test_a_seat_lies_on_the_base(index, seed):
+def test_a_seat_is_on_the_base(index, seed):
     import torch
 
     base = SCENES[index].surface.union[0]

@@ -1,25 +1,25 @@
-"""Tanks: water on the floor of an empty container, where the solver can start."""
+"""Tanks are water on the floor of an empty container, from which the solver can start."""
 
 import numpy as np
 import pytest
 
-from tests.datasets.recipes.drawn import scenes, written_and_read
+from tests.datasets.recipes.drawn import round_trip, scenes
 
 SCENES = scenes("tanks", 40)
 
 
 @pytest.mark.parametrize("index", range(40))
-def test_every_scene_is_sound(index):
-    scene = written_and_read(SCENES[index])
+def test_every_scene_is_valid(index):
+    scene = round_trip(SCENES[index])
     assert scene.model_dump() == SCENES[index].model_dump()
     start = scene.initial_particles(None)
     assert start.excluded == 0
     assert 200 < len(start.positions) < 6500
     gap = min((start.positions - scene.container.lower).min(), (scene.container.upper - start.positions).min())
-    assert gap > 0.049, "nearer to several walls at once the solver lets the water burst"
+    assert gap > 0.049, "closer to several walls the water bursts"
 
 
-def test_even_ones_cover_the_floor_and_depths_vary():
+def test_even_scenes_cover_the_floor_and_depths_vary():
     for scene in SCENES[::2]:
         block, sides = scene.fluid[0].block, scene.container.size
         assert sides[0] - (block.max[0] - block.min[0]) == pytest.approx(0.04)

@@ -1,22 +1,22 @@
-"""Bowls and funnels hold every design of section 7 of the supplement."""
+"""The ranges of bowls and funnels contain every design of section 7 of the supplement."""
 
 import numpy as np
 import pytest
 
 from surfsup.datasets.recipes import bowls, funnels
-from tests.datasets.recipes.drawn import assert_sound, scenes
+from tests.datasets.recipes.drawn import assert_valid, scenes
 
 BOWLS, FUNNELS = scenes("bowls", 40), scenes("funnels", 40)
 NUMBERS = pytest.mark.parametrize("index", range(40))
 
 
 @NUMBERS
-def test_every_scene_is_sound(index):
-    assert_sound(BOWLS[index], particles=(12**3, 15**3))
-    assert_sound(FUNNELS[index], particles=(12**3, 15**3))
+def test_every_scene_is_valid(index):
+    assert_valid(BOWLS[index], particles=(12**3, 15**3))
+    assert_valid(FUNNELS[index], particles=(12**3, 15**3))
 
 
-def test_every_second_bowl_is_closed_and_the_others_leave_a_way_through():
+def test_every_second_bowl_is_closed_and_the_others_have_a_hole():
     assert all(scene.surface.bowl.filter_radius == 0 for scene in BOWLS[::2])
     for scene in BOWLS[1::2]:
         assert 0.03 <= scene.surface.bowl.filter_radius <= 0.1
@@ -24,13 +24,13 @@ def test_every_second_bowl_is_closed_and_the_others_leave_a_way_through():
 
 
 @NUMBERS
-def test_water_can_leave_below_a_funnel(index):
+def test_a_funnel_is_above_the_floor(index):
     funnel = FUNNELS[index].surface.funnel
     bottom = FUNNELS[index].surface.at[2] - funnel.height - funnel.spout - funnel.wall / 2
     assert 0.15 - 1e-9 <= bottom <= 0.5 + 1e-9
 
 
-def test_the_ranges_hold_the_supplements_designs():
+def test_the_ranges_contain_the_supplements_designs():
     for low, high in (bowls.CAPTURE_RADIUS, funnels.CAPTURE_RADIUS):
         assert low <= 0.10 <= high
         assert low <= 0.221 <= high

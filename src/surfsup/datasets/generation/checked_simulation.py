@@ -9,33 +9,32 @@ from typing import TypeVar
 
 import numpy as np
 
-from surfsup.datasets.generation.physical_check import Check, UnphysicalError
-from surfsup.datasets.generation.scene_sampler import Drawing
-from surfsup.datasets.generation.statistics import Sums, Tally
+from surfsup.datasets.generation.physical_check import PhysicalCheck, UnphysicalError
+from surfsup.datasets.generation.scene_sampler import SceneSampler
+from surfsup.datasets.generation.statistics import MomentAccumulator, Moments
 from surfsup.errors import SimulationError
 from surfsup.scene import InitialParticles, Scene
 from surfsup.sdf import Surface
 from surfsup.splishsplash import solver
 
-DRAWS = 5  # scenes drawn for one index before it is given up
-FRAMES_AT_ONCE = 8
-TRIES = 2  # of one scene at which the solver stops: the machine may have failed it, not the scene
+MAX_DRAWS = 5  # scenes drawn for one index before an error
+FRAMES_PER_CHECK = 8  # many small NumPy calls cost more than the data: eight frames at once are three times as fast
+SOLVER_RUNS = 2  # of one scene if the solver stops early: the fault may be the machine's
 
 T = TypeVar("T")
 
 
-class GivenUpError(SimulationError):
-    """None of the scenes drawn for an index could be simulated; the message is one line."""
+class NoValidSceneError(SimulationError):
+    """None of the scenes drawn for an index could be simulated. The message is one line."""
 
 
-class Run:
-    """The frames of one scene; going through them simulates it.
+class CheckedSimulation:
+    """The frames of one scene. Iterating over them runs the simulation and checks it.
 
     Attributes:
-        scene: what is simulated.
-        attempt: how many scenes were drawn in its place before.
-        set_aside: why those were not taken, one line each.
-        sums: of the frames gone through, for the statistics of the data set.
+        scene: the scene.
+        rejections: reasons why earlier scenes of the same index were rejected, one line each.
+        moments: of the frames so far, for the statistics of the data set.
     """
 
     def __init__(
@@ -43,78 +42,74 @@ class Run:
         scene: Scene,
         surface: Surface | None,
         start: InitialParticles,
-        set_aside: tuple[str, ...] = (),
+        rejections: tuple[str, ...] = (),
     ) -> None:
-        self.scene, self.set_aside = scene, set_aside
-        self.sums = Sums()
+        self.scene, self.rejections = scene, rejections
+        self.moments = Moments()
         self._surface, self._start = surface, start
 
     @property
-    def attempt(self) -> int:
-        """How many scenes were drawn in its place before."""
-        return len(self.set_aside)
-
-    @property
     def particles(self) -> int:
-        """How many there are."""
+        """Number of particles."""
         return len(self._start.positions)
 
     def __iter__(self) -> Generator[tuple[np.ndarray, np.ndarray], None, None]:
         """Positions (N, 3) in meters and velocities (N, 3) in m/s of each frame, float32.
 
         Raises:
-            UnphysicalError: no fluid does what this one did.
+            UnphysicalError: the simulation is not physical.
             SolverError: the solver stopped early.
         """
-        check, tally = Check(self.scene, self._surface), Tally(self.scene.gravity)
-        self.sums = tally.sums
+        check, accumulator = PhysicalCheck(self.scene, self._surface), MomentAccumulator(self.scene.gravity)
+        self.moments = accumulator.moments
         with closing(solver.simulate(self.scene, self._surface, self._start)) as frames:
-            # Many small steps over little data cost more than the data: eight frames at once are three times as fast.
-            while some := list(islice(frames, FRAMES_AT_ONCE)):
-                rows = [np.ascontiguousarray(np.stack(part).swapaxes(1, 2), float) for part in zip(*some, strict=True)]
-                check.look_at(*rows)
-                tally.look_at(*rows)
-                yield from some
+            while batch := list(islice(frames, FRAMES_PER_CHECK)):
+                positions, velocities = (
+                    np.ascontiguousarray(np.stack(part).swapaxes(1, 2), float) for part in zip(*batch, strict=True)
+                )
+                check.check(positions, velocities)
+                accumulator.update(positions, velocities)
+                yield from batch
 
 
-def simulate_sound(drawing: Drawing, index: int, take: Callable[[Run], T]) -> T:
-    """Simulate scene ``index``; one whose simulation fails or is not physical is replaced by the next drawn.
+def simulate_valid_scene(sampler: SceneSampler, index: int, consume: Callable[[CheckedSimulation], T]) -> T:
+    """Simulate scene ``index``. If its simulation fails or is not physical, draw another scene for the index.
 
     Args:
-        drawing: where scenes come from.
+        sampler: draws the scenes.
         index: of the scene.
-        take: goes through a run's frames; called anew for every try.
+        consume: iterates over the frames; it is called again for each run of the solver.
 
     Returns:
-        What ``take`` made of the first run that is sound to its end.
+        The result of ``consume`` for the first simulation that is physical to its end.
 
     Raises:
-        GivenUpError: no scene of this index could be simulated.
+        NoValidSceneError: no scene of this index could be simulated.
         InputError: the solver or a file is missing.
     """
-    reasons: list[str] = []
-    while len(reasons) < DRAWS:
-        scene = drawing.scene(index, attempt=len(reasons))
+    rejections: list[str] = []
+    while len(rejections) < MAX_DRAWS:
+        scene = sampler.scene(index, attempt=len(rejections))
         surface = scene.build_surface()
-        run = Run(scene, surface, scene.initial_particles(surface), tuple(reasons))
+        simulation = CheckedSimulation(scene, surface, scene.initial_particles(surface), tuple(rejections))
         try:
-            return patiently(run, take)
+            return with_retry(simulation, consume)
         except (UnphysicalError, solver.SolverError) as error:
-            reasons.append(str(error))
-            drawing.set_aside(scene)
-    raise GivenUpError(f"scene {index}: {DRAWS} in a row were set aside, the last because {reasons[-1]}")
+            rejections.append(str(error))
+            sampler.discard(scene)
+    raise NoValidSceneError(f"scene {index}: {MAX_DRAWS} in a row were rejected, the last because {rejections[-1]}")
 
 
-def patiently(run: Run, take: Callable[[Run], T]) -> T:
-    """What ``take`` makes of ``run``, which gets a second try when the solver stops.
+def with_retry(simulation: CheckedSimulation, consume: Callable[[CheckedSimulation], T]) -> T:
+    """The result of ``consume(simulation)``, with a second run if the solver stops early.
 
     Raises:
-        UnphysicalError: no fluid does what this one did.
-        SolverError: the solver stopped every time.
+        UnphysicalError: the simulation is not physical.
+        SolverError: the solver stopped early every time.
     """
-    for _ in range(TRIES - 1):
+    for _ in range(SOLVER_RUNS - 1):
         try:
-            return take(run)
+            return consume(simulation)
         except solver.SolverError:
             continue
-    return take(run)
+    return consume(simulation)

@@ -1,4 +1,4 @@
-"""``dataset.yaml``: what a data set is, of what it was made, and the statistics to normalize by."""
+"""``dataset.yaml``: the identity of a data set, its size, and its statistics for normalization."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from pathlib import Path
 import yaml
 
 from surfsup import __version__
-from surfsup.datasets.folder import whole_file
-from surfsup.datasets.generation.record import Made
-from surfsup.datasets.generation.scene_sampler import Drawing
-from surfsup.datasets.generation.statistics import normalization
+from surfsup.datasets.folder import atomic_write
+from surfsup.datasets.generation.record import GenerationRecord
+from surfsup.datasets.generation.scene_sampler import SceneSampler
+from surfsup.datasets.generation.statistics import normalization_statistics
 from surfsup.errors import InputError
 from surfsup.scene.safe_yaml import parse_yaml
 from surfsup.splishsplash import solver
@@ -21,14 +21,14 @@ NAME = "dataset.yaml"
 
 
 @dataclass(frozen=True)
-class Identity:
-    """What may never change in a data set's folder.
+class DatasetIdentity:
+    """The properties that all scenes in a data set's folder share.
 
     Attributes:
-        recipe: which scenes.
+        recipe: name of the recipe.
         seed: of the data set.
-        frames: of every scene, None where the recipe says it.
-        source: what the recipe makes surfaces of, None where it makes its own.
+        frames: of every scene, None for the recipe's own.
+        source: file or folder that the recipe takes its surfaces from, None if it makes its own.
     """
 
     recipe: str
@@ -37,22 +37,22 @@ class Identity:
     source: str | None
 
     @classmethod
-    def of(cls, drawing: Drawing, source: Path | None) -> Identity:
-        """That of scenes drawn in this way."""
-        return cls(drawing.recipe, drawing.seed, drawing.frames, None if source is None else str(source.resolve()))
+    def of(cls, sampler: SceneSampler, source: Path | None) -> DatasetIdentity:
+        """The identity of a data set with this sampler and source."""
+        return cls(sampler.recipe, sampler.seed, sampler.frames, None if source is None else str(source.resolve()))
 
     def __str__(self) -> str:
-        """As a complaint names it."""
+        """As error messages show it."""
         frames = f", {self.frames} frames" if self.frames is not None else ""
         source = f", made of {self.source}" if self.source is not None else ""
         return f"recipe '{self.recipe}' of seed {self.seed}{frames}{source}"
 
 
-def check_identity(folder: Path, wanted: Identity) -> None:
-    """Check that ``folder`` is new or holds just what is ``wanted``.
+def check_identity(folder: Path, expected: DatasetIdentity) -> None:
+    """Check that ``folder`` is new or holds the ``expected`` data set.
 
     Raises:
-        InputError: it holds something else, or does not say what it holds.
+        InputError: it holds another data set, or its ``dataset.yaml`` does not identify one.
     """
     path = folder / NAME
     if not path.exists():
@@ -60,15 +60,15 @@ def check_identity(folder: Path, wanted: Identity) -> None:
     found = parse_yaml(path.read_text(errors="replace"), str(path))
     if not isinstance(found, dict) or not {"recipe", "seed"} <= found.keys():
         raise InputError(f"{path}: does not say what data the folder holds; take another folder")
-    held = Identity(found["recipe"], found["seed"], found.get("frames"), found.get("source"))
-    if held != wanted:
-        raise InputError(f"{folder}: holds {held}; take another folder for {wanted}")
+    held = DatasetIdentity(found["recipe"], found["seed"], found.get("frames"), found.get("source"))
+    if held != expected:
+        raise InputError(f"{folder}: holds {held}; take another folder for {expected}")
 
 
-def describe(folder: Path, identity: Identity, scenes: Sequence[Made]) -> None:
-    """Write ``dataset.yaml``; ``scenes`` are those in the folder, in their order.
+def write_dataset_file(folder: Path, identity: DatasetIdentity, scenes: Sequence[GenerationRecord]) -> None:
+    """Write ``dataset.yaml`` for the ``scenes`` in the folder, in the order of their indices.
 
-    It depends on the scenes alone, not on the order in which they were made.
+    The result depends on the scenes alone, not on the order of their simulation.
     """
     data: dict[str, object] = {name: value for name, value in vars(identity).items() if value is not None}
     data["versions"] = {
@@ -80,12 +80,12 @@ def describe(folder: Path, identity: Identity, scenes: Sequence[Made]) -> None:
     data["frames_in_all"] = sum(scene.frames for scene in scenes)
     if scenes:
         data["particles"] = {"fewest": min(particles), "most": max(particles), "in_all": sum(particles)}
-    data["set_aside"] = [
+    data["rejected"] = [
         {"scene": scene.index, "attempt": attempt, "reason": reason}
         for scene in scenes
-        for attempt, reason in enumerate(scene.set_aside)
+        for attempt, reason in enumerate(scene.rejections)
     ]
     if scenes:
-        data["statistics"] = normalization(scene.sums for scene in scenes)
-    with whole_file(folder / NAME) as path:
+        data["statistics"] = normalization_statistics(scene.moments for scene in scenes)
+    with atomic_write(folder / NAME) as path:
         path.write_text(yaml.safe_dump(data, sort_keys=False, default_flow_style=None, width=120))

@@ -1,4 +1,8 @@
-"""The floor: the reference run again from starts moved by a millimeter, against which no model can be told to fail."""
+"""The reproducibility floor: the reference run again with its water moved by 1 mm.
+
+Fluid motion is chaotic, so that even the reference does not reproduce itself from a slightly different start. The
+difference between such runs and the original is the floor of every error: no simulator can be required to be closer.
+"""
 
 from __future__ import annotations
 
@@ -9,79 +13,79 @@ from pathlib import Path
 
 import numpy as np
 
-from surfsup.datasets.folder import locked, whole_file
-from surfsup.datasets.generation.checked_simulation import Run, patiently
+from surfsup.datasets.folder import atomic_write, lock_folder
+from surfsup.datasets.generation.checked_simulation import CheckedSimulation, with_retry
 from surfsup.datasets.generation.physical_check import UnphysicalError
-from surfsup.datasets.generation.progress_estimate import Pace
-from surfsup.datasets.generation.worker_pool import crew, while_wanted
+from surfsup.datasets.generation.progress_estimate import ProgressEstimate
+from surfsup.datasets.generation.worker_pool import open_worker_pool, until_canceled
 from surfsup.errors import InputError
 from surfsup.io.trajectory import Provenance, Trajectory, TrajectoryWriter
 from surfsup.scene import Block, Fluid, InitialParticles, Scene
 from surfsup.splishsplash import solver
 
 FOLDER = "floor"
-STEP = 0.001  # meters
-AXES = 3  # the start is moved along x, y and z in turn
+SHIFT = 0.001  # meters
+AXES = 3  # one run for each axis that the water moves along
 
 
-class NoFloorWarning(UserWarning):
-    """A trajectory cannot be read, or its scene cannot be run again."""
+class FloorWarning(UserWarning):
+    """A trajectory is unreadable, or its scene could not be run again."""
 
 
-def floor(
+def simulate_floor(
     data: Path,
     workers: int | None = None,
     scheduler: str | None = None,
     progress: Callable[[int, int, float | None], None] | None = None,
 ) -> list[Path]:
-    """Run the reference again, three times, for each trajectory in ``data``; what is there already is kept.
+    """Run the reference three times more for each trajectory in ``data``; runs that are there already are kept.
 
-    The water of run 1 starts 1 mm further along x, that of run 2 along y, of run 3 along z. The trajectories are
-    ``floor/NAME-1.h5`` to ``floor/NAME-3.h5`` in ``data``, of as many frames as the original. Why one could not be
-    made stands in ``floor/NAME-1.failed.txt``.
+    The water of run 1 starts 1 mm further along x, that of run 2 along y, that of run 3 along z. The trajectories are
+    ``floor/NAME-1.h5`` to ``floor/NAME-3.h5`` in ``data``, with as many frames as the original. If a run fails,
+    ``floor/NAME-1.failed.txt`` has the reason.
 
     Args:
         data: folder of trajectories by the reference solver.
         workers: simulations side by side on this machine, each on one core; 2 by default.
-        scheduler: address of a dask scheduler whose workers do it instead; they see ``data`` under the same path.
-        progress: told how many of how many runs are done, and the seconds left where they can be told.
+        scheduler: address of a dask scheduler to use instead; its workers must share ``data`` under the same path.
+        progress: called with the numbers of finished and of all runs, and the remaining seconds, None if unknown.
 
     Returns:
-        The trajectories of the floor that are there.
+        The floor's trajectories.
 
     Raises:
-        InputError: the folder has no trajectory that can be read, its floor is of other scenes or is being written
-            to, or there are no workers that can do it.
-        SimulationError: the scheduler was lost; what was finished is there.
+        InputError: the folder has no readable trajectory, its floor belongs to other scenes or is locked by another
+            run, or the workers cannot do the work.
+        SimulationError: the scheduler was lost; finished runs are there.
     """
     originals = readable_trajectories(data)
-    home = data.resolve() / FOLDER
-    with crew(workers, scheduler) as doers, locked(home) as token:
+    folder = data.resolve() / FOLDER
+    with open_worker_pool(workers, scheduler) as pool, lock_folder(folder) as token:
         runs = [(path, axis) for path in originals for axis in range(AXES)]
-        missing = [(path, axis) for path, axis in runs if not is_there(home, path, axis)]
-        doers.require(home, token)
-        pace = Pace(len(runs) - len(missing), len(runs), progress)
-        for job in doers.finished([doers.submit(run_again, path.resolve(), axis) for path, axis in missing]):
-            pace.step(job.result(), doers.slots)
-    made = [path_of(home, *run) for run in runs]
-    for path in made:
+        missing = [(path, axis) for path, axis in runs if not is_finished(folder, path, axis)]
+        pool.check_workers(folder, token)
+        estimate = ProgressEstimate(len(runs) - len(missing), len(runs), progress)
+        for job in pool.as_completed([pool.submit(simulate_shifted, path.resolve(), axis) for path, axis in missing]):
+            estimate.step(job.result(), pool.slots)
+    paths = [run_path(folder, *run) for run in runs]
+    for path in paths:
         if not path.exists():
-            warnings.warn(NoFloorWarning(f"{path}: {complaint_of(path).read_text().strip()}"), stacklevel=2)
-    return [path for path in made if path.exists()]
+            warnings.warn(FloorWarning(f"{path}: {failure_path(path).read_text().strip()}"), stacklevel=2)
+    return [path for path in paths if path.exists()]
 
 
-def path_of(home: Path, original: Path, axis: int) -> Path:
-    """Where the run of ``original`` moved along ``axis`` lies in the floor's folder ``home``."""
-    return home / f"{original.stem}-{axis + 1}.h5"
+def run_path(folder: Path, original: Path, axis: int) -> Path:
+    """The trajectory in the floor's ``folder`` of ``original`` run again with its water moved along ``axis``."""
+    return folder / f"{original.stem}-{axis + 1}.h5"
 
 
-def complaint_of(path: Path) -> Path:
-    """Where it stands why the run ``path`` could not be made."""
+def failure_path(path: Path) -> Path:
+    """The text file with the reason why the run ``path`` failed."""
     return path.with_suffix(".failed.txt")
 
 
 def readable_trajectories(data: Path) -> list[Path]:
-    """The trajectories of ``data``, warned of those that cannot be read.
+    """The readable trajectories in ``data``, with a warning for each unreadable one.
 
     Raises:
         InputError: there is none.
@@ -91,7 +95,7 @@ def readable_trajectories(data: Path) -> list[Path]:
         try:
             Trajectory(path).close()
         except InputError as error:
-            warnings.warn(NoFloorWarning(f"{error}; it is left out"), stacklevel=2)
+            warnings.warn(FloorWarning(f"{error}; it is left out"), stacklevel=2)
         else:
             readable.append(path)
     if not readable:
@@ -99,69 +103,73 @@ def readable_trajectories(data: Path) -> list[Path]:
     return readable
 
 
-def is_there(home: Path, original: Path, axis: int) -> bool:
-    """Whether that run was made.
+def is_finished(folder: Path, original: Path, axis: int) -> bool:
+    """Whether the run of ``original`` along ``axis`` is in the floor's ``folder``.
 
     Raises:
-        InputError: a file of its name is of another scene, or was cut off.
+        InputError: its file belongs to another scene, or was cut off.
     """
-    path = path_of(home, original, axis)
+    path = run_path(folder, original, axis)
     if not path.exists():
         return False
-    with Trajectory(path) as found, Trajectory(original) as truth:
-        wanted = moved_scene(truth, axis).with_paths_relative_to(home, original.parent)
-        if found.scene.to_yaml() != wanted.to_yaml() or len(found) != len(truth):
+    with Trajectory(path) as found, Trajectory(original) as reference:
+        expected = shifted_scene(reference, axis).with_paths_relative_to(folder, original.parent)
+        if found.scene.to_yaml() != expected.to_yaml() or len(found) != len(reference):
             raise InputError(f"{path}: is not {original.name} run again; move it away")
     return True
 
 
-def moved_scene(truth: Trajectory, axis: int) -> Scene:
-    """The scene of ``truth`` with its water 1 mm further along ``axis``."""
-    shift = STEP * np.eye(3)[axis]
+def shifted_scene(reference: Trajectory, axis: int) -> Scene:
+    """The scene of ``reference`` with its water 1 mm further along ``axis``."""
+    x, y, z = (SHIFT * np.eye(3)[axis]).tolist()
 
-    def moved(entry: Fluid) -> Fluid:
-        lower, upper = (tuple((np.array(corner) + shift).tolist()) for corner in (entry.block.min, entry.block.max))
+    def shifted(entry: Fluid) -> Fluid:
+        lower, upper = ((corner[0] + x, corner[1] + y, corner[2] + z) for corner in (entry.block.min, entry.block.max))
         return Fluid(block=Block(min=lower, max=upper, velocity=entry.block.velocity))
 
-    return truth.scene.model_copy(update={"fluid": [moved(entry) for entry in truth.scene.fluid], "frames": len(truth)})
+    fluid = [shifted(entry) for entry in reference.scene.fluid]
+    return reference.scene.model_copy(update={"fluid": fluid, "frames": len(reference)})
 
 
-def moved_start(start: InitialParticles, axis: int) -> InitialParticles:
-    """The same particles, 1 mm further along ``axis``; not those that the moved scene would start with.
+def shifted_particles(start: InitialParticles, axis: int) -> InitialParticles:
+    """The same particles, 1 mm further along ``axis``.
 
-    A particle more or less, because of the solid, would make the two runs impossible to compare.
+    The shifted scene itself could start with a particle more or less because of the solid, which would make the two
+    runs incomparable.
     """
-    shift = STEP * np.eye(3)[axis]
+    shift = SHIFT * np.eye(3)[axis]
     return InitialParticles(
         [(block + shift).astype(np.float32) for block in start.block_positions], start.block_velocities, start.excluded
     )
 
 
-def run_again(original: Path, axis: int) -> float | None:
-    """Simulate the scene of ``original`` moved along ``axis`` into its file, or say beside it why that failed.
+def simulate_shifted(original: Path, axis: int) -> float | None:
+    """Simulate the scene of ``original`` with its water moved along ``axis``; write the trajectory or the failure.
 
     Returns:
-        The seconds that it took; None if it was there already, made by a worker that was lost before it could say so.
+        The duration in seconds; None if the file was there already, from a worker that was lost before it reported.
     """
     began = time.monotonic()
-    target = path_of(original.parent / FOLDER, original, axis)
+    target = run_path(original.parent / FOLDER, original, axis)
     if target.exists():
         return None
-    with Trajectory(original) as truth:
-        scene, surface = moved_scene(truth, axis), truth.scene.build_surface()
-        start = moved_start(truth.scene.initial_particles(surface), axis)
+    with Trajectory(original) as reference:
+        scene, surface = shifted_scene(reference, axis), reference.scene.build_surface()
+        start = shifted_particles(reference.scene.initial_particles(surface), axis)
 
-    def write(run: Run) -> None:
+    def write(simulation: CheckedSimulation) -> None:
         with (
-            whole_file(target) as path,
-            TrajectoryWriter(path, run.scene, Provenance(solver.NAME), run.particles, original.parent) as writer,
+            atomic_write(target) as path,
+            TrajectoryWriter(
+                path, simulation.scene, Provenance(solver.NAME), simulation.particles, original.parent
+            ) as writer,
         ):
-            for positions, velocities in while_wanted(iter(run)):
+            for positions, velocities in until_canceled(iter(simulation)):
                 writer.append(positions, velocities)
 
     try:
-        patiently(Run(scene, surface, start), write)
-        complaint_of(target).unlink(missing_ok=True)
+        with_retry(CheckedSimulation(scene, surface, start), write)
+        failure_path(target).unlink(missing_ok=True)
     except (UnphysicalError, solver.SolverError) as error:
-        complaint_of(target).write_text(f"{error}\n")
+        failure_path(target).write_text(f"{error}\n")
     return time.monotonic() - began

@@ -1,4 +1,4 @@
-"""A data set: many scenes of one recipe, simulated by the reference solver, one file each."""
+"""Generates a data set: many scenes of one recipe, simulated by the reference solver, one file each."""
 
 from __future__ import annotations
 
@@ -6,14 +6,13 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from surfsup.datasets.folder import locked, whole_file
-from surfsup.datasets.generation import dataset_file
-from surfsup.datasets.generation.checked_simulation import Run, simulate_sound
-from surfsup.datasets.generation.dataset_file import Identity
-from surfsup.datasets.generation.progress_estimate import Pace
-from surfsup.datasets.generation.record import Made, note_making
-from surfsup.datasets.generation.scene_sampler import Drawing
-from surfsup.datasets.generation.worker_pool import crew, while_wanted
+from surfsup.datasets.folder import atomic_write, lock_folder
+from surfsup.datasets.generation.checked_simulation import CheckedSimulation, simulate_valid_scene
+from surfsup.datasets.generation.dataset_file import DatasetIdentity, check_identity, write_dataset_file
+from surfsup.datasets.generation.progress_estimate import ProgressEstimate
+from surfsup.datasets.generation.record import GenerationRecord, write_record
+from surfsup.datasets.generation.scene_sampler import SceneSampler
+from surfsup.datasets.generation.worker_pool import open_worker_pool, until_canceled
 from surfsup.errors import InputError, SimulationError
 from surfsup.io.trajectory import Provenance, TrajectoryWriter
 from surfsup.splishsplash import solver
@@ -30,97 +29,97 @@ def generate(
     scheduler: str | None = None,
     progress: Callable[[int, int, float | None], None] | None = None,
 ) -> list[Path]:
-    """Simulate ``count`` scenes of ``recipe`` into ``folder``; those already there are kept.
+    """Simulate ``count`` scenes of ``recipe`` into ``folder``; scenes that are there already are kept.
 
-    Killed at any moment and called again it makes what is missing, the same to the byte as if undisturbed.
+    After a kill at any moment, another call makes the missing scenes, equal to the byte.
 
     Args:
-        recipe: which scenes.
-        folder: gets one trajectory file a scene and ``dataset.yaml``.
-        count: how many scenes.
-        seed: with the scene's number it decides everything about the scene.
-        frames: of every scene; left out, as many as the recipe says.
-        source: what the recipe makes surfaces of, where it takes that.
+        recipe: name of the recipe.
+        folder: gets one trajectory file for each scene, and ``dataset.yaml``.
+        count: number of scenes.
+        seed: determines each scene, together with the scene's index.
+        frames: number of frames of every scene; the recipe's own by default.
+        source: file or folder for the recipe's surfaces, if it takes one.
         workers: simulations side by side on this machine, each on one core; 2 by default.
-        scheduler: address of a dask scheduler whose workers do it instead; they see ``folder`` under the same path.
-        progress: told how many of how many scenes are done, and the seconds left where they can be told.
+        scheduler: address of a dask scheduler to use instead; its workers must share ``folder`` under the same path.
+        progress: called with the numbers of finished and of all scenes, and the remaining seconds, None if unknown.
 
     Returns:
         The trajectory files in order.
 
     Raises:
-        InputError: no such recipe, nothing to make, the folder holds another data set or is being written to, or
-            there are no workers that can do it.
-        SimulationError: some scenes could not be made, or the scheduler was lost; all others are there.
+        InputError: an argument is invalid, the folder holds another data set or is locked by another run, or the
+            workers cannot do the work.
+        SimulationError: some scenes could not be simulated, or the scheduler was lost; all other scenes are there.
     """
     if count < 1:
-        raise InputError(f"asked for {count} scenes; there must be at least 1")
+        raise InputError(f"the number of scenes is {count}, but must be at least 1")
     folder = folder.resolve()
-    drawing = Drawing(recipe, seed, frames, folder)
-    identity = Identity.of(drawing, source)
-    with crew(workers, scheduler) as doers, locked(folder) as token:
-        dataset_file.check_identity(folder, identity)
-        there = scenes_in(folder, drawing)
-        doers.require(folder, token)
-        drawing.prepare(source, count)
-        dataset_file.describe(folder, identity, list(there.values()))
-        pace = Pace(len(there.keys() & set(range(count))), count, progress)
-        jobs = [doers.submit(make_scene, drawing, index) for index in range(count) if index not in there]
+    sampler = SceneSampler(recipe, seed, frames, folder)
+    identity = DatasetIdentity.of(sampler, source)
+    with open_worker_pool(workers, scheduler) as pool, lock_folder(folder) as token:
+        check_identity(folder, identity)
+        records = read_records(folder, sampler)
+        pool.check_workers(folder, token)
+        sampler.prepare(source, count)
+        write_dataset_file(folder, identity, list(records.values()))
+        estimate = ProgressEstimate(len(records.keys() & set(range(count))), count, progress)
+        jobs = [pool.submit(simulate_to_file, sampler, index) for index in range(count) if index not in records]
         failures = []
-        for job in doers.finished(jobs):
+        for job in pool.as_completed(jobs):
             try:
-                pace.step(job.result(), doers.slots)
+                estimate.step(job.result(), pool.slots)
             except SimulationError as error:
                 failures.append(error)
-        dataset_file.describe(folder, identity, list(scenes_in(folder, drawing).values()))
+        write_dataset_file(folder, identity, list(read_records(folder, sampler).values()))
     if failures:
-        others = f"; so it is with {len(failures) - 1} more" if len(failures) > 1 else ""
+        others = f", and {len(failures) - 1} more scenes failed" if len(failures) > 1 else ""
         raise SimulationError(f"{failures[0]}{others}; all other scenes are there")
-    return [path_of(folder, index) for index in range(count)]
+    return [scene_path(folder, index) for index in range(count)]
 
 
-def path_of(folder: Path, index: int) -> Path:
-    """Where scene ``index`` of a data set lies."""
+def scene_path(folder: Path, index: int) -> Path:
+    """The trajectory file of scene ``index`` of a data set."""
     return folder / f"{index:05d}.h5"
 
 
-def scenes_in(folder: Path, drawing: Drawing) -> dict[int, Made]:
-    """The scenes that ``folder`` holds, by their numbers, in order.
+def read_records(folder: Path, sampler: SceneSampler) -> dict[int, GenerationRecord]:
+    """The records of the scenes in ``folder`` by index, in order.
 
     Raises:
-        InputError: a trajectory was cut off, or is not of this data set.
+        InputError: a trajectory is cut off, or belongs to another data set.
     """
-    there = {}
+    records = {}
     for path in sorted(folder.glob("*.h5")):
-        made = Made.read(path)
-        if (made.recipe, made.seed, path_of(folder, made.index)) != (drawing.recipe, drawing.seed, path):
+        record = GenerationRecord.read(path)
+        if (record.recipe, record.seed, scene_path(folder, record.index)) != (sampler.recipe, sampler.seed, path):
             raise InputError(
-                f"{path}: is scene {made.index} of recipe '{made.recipe}', seed {made.seed}, and so is not of this "
-                "data set; move it away"
+                f"{path}: is scene {record.index} of recipe '{record.recipe}', seed {record.seed}, and so is not of "
+                "this data set; move it away"
             )
-        there[made.index] = made
-    return there
+        records[record.index] = record
+    return records
 
 
-def make_scene(drawing: Drawing, index: int) -> float | None:
-    """Simulate scene ``index`` into its file, which appears only when it is whole and sound.
+def simulate_to_file(sampler: SceneSampler, index: int) -> float | None:
+    """Simulate scene ``index`` into its file, which appears only when it is complete and physical.
 
     Returns:
-        The seconds that it took; None if it was there already, made by a worker that was lost before it could say so.
+        The duration in seconds; None if the file was there already, from a worker that was lost before it reported.
     """
-    if path_of(drawing.folder, index).exists():
+    if scene_path(sampler.folder, index).exists():
         return None
-    began = time.monotonic()
+    start = time.monotonic()
 
-    def write(run: Run) -> None:
-        provenance = Provenance(solver.NAME, drawing.seed)
+    def write(simulation: CheckedSimulation) -> None:
+        provenance = Provenance(solver.NAME, sampler.seed)
         with (
-            whole_file(path_of(drawing.folder, index)) as path,
-            TrajectoryWriter(path, run.scene, provenance, run.particles) as writer,
+            atomic_write(scene_path(sampler.folder, index)) as path,
+            TrajectoryWriter(path, simulation.scene, provenance, simulation.particles) as writer,
         ):
-            for positions, velocities in while_wanted(iter(run)):
+            for positions, velocities in until_canceled(iter(simulation)):
                 writer.append(positions, velocities)
-            note_making(writer, drawing, index, run)
+            write_record(writer, sampler, index, simulation)
 
-    simulate_sound(drawing, index, write)
-    return time.monotonic() - began
+    simulate_valid_scene(sampler, index, write)
+    return time.monotonic() - start

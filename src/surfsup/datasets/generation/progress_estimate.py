@@ -1,40 +1,45 @@
-"""How far a run of many simulations is, and how long it will still take."""
+"""The progress of many simulations, and the time until the last one ends."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 
 
-class Pace:
-    """Counts simulations and tells of them.
+class ProgressEstimate:
+    """Counts finished simulations and reports the count and the remaining time.
 
-    What is left is told from how long one simulation takes, not from how many have ended: they run side by side, and
-    all end about when the first does.
+    The estimate uses the duration of one simulation, not the rate at which they end: simulations run side by side and
+    all end at about the same time as the first.
     """
 
-    def __init__(self, done: int, count: int, tell: Callable[[int, int, float | None], None] | None) -> None:
-        """Begin with ``done`` of ``count``; ``tell`` is told these two and the seconds left, None while not known."""
-        self._done, self._count, self._tell = done, count, tell
-        self._ended, self._seconds = 0, 0.0
-        if tell is not None:
-            tell(done, count, None)
+    def __init__(self, done: int, count: int, report: Callable[[int, int, float | None], None] | None) -> None:
+        """Start with ``done`` of ``count``; ``report`` gets both and the remaining seconds, None if unknown."""
+        self._done, self._count, self._report = done, count, report
+        self._timed, self._seconds = 0, 0.0
+        if report is not None:
+            report(done, count, None)
 
     def step(self, seconds: float | None, slots: int) -> None:
-        """One more is done, which took so many seconds, None where that is not known; ``slots`` run side by side."""
+        """Count one more simulation.
+
+        Args:
+            seconds: its duration; None if unknown.
+            slots: number of simulations that run side by side.
+        """
         self._done += 1
         if seconds is not None:
-            self._ended += 1
+            self._timed += 1
             self._seconds += seconds
-        if self._tell is not None:
-            self._tell(self._done, self._count, self.seconds_left(slots))
+        if self._report is not None:
+            self._report(self._done, self._count, self.seconds_left(slots))
 
     def seconds_left(self, slots: int) -> float | None:
-        """Until the last will have ended; None where nobody works or none has ended.
+        """Seconds until the last simulation ends; None without workers or before the first has ended.
 
-        Those now running are on the average half done.
+        The estimate takes the running simulations to be half done on average.
         """
-        if slots == 0 or self._ended == 0:
+        if slots == 0 or self._timed == 0:
             return None
         left = self._count - self._done
         running = min(left, slots - 1)
-        return self._seconds / self._ended * (left - running / 2) / min(slots, max(left, 1))
+        return self._seconds / self._timed * (left - running / 2) / min(slots, max(left, 1))

@@ -1,4 +1,4 @@
-"""What a trajectory file of a data set says of its own making."""
+"""The record of its own generation in each trajectory file of a data set."""
 
 from __future__ import annotations
 
@@ -7,62 +7,63 @@ from pathlib import Path
 
 import h5py
 
-from surfsup.datasets.generation.checked_simulation import Run
-from surfsup.datasets.generation.scene_sampler import Drawing
-from surfsup.datasets.generation.statistics import Sums
+from surfsup.datasets.generation.checked_simulation import CheckedSimulation
+from surfsup.datasets.generation.scene_sampler import SceneSampler
+from surfsup.datasets.generation.statistics import Moments
 from surfsup.errors import InputError
 from surfsup.io.trajectory import GROUP, TrajectoryWriter
 
-TOPIC = "data_set"
+RECORD_GROUP = "data_set"
+REJECTIONS = "set_aside"  # the attribute's name in files since version 0.1
 
 
 @dataclass(frozen=True)
-class Made:
-    """How one scene of a data set was made.
+class GenerationRecord:
+    """How one scene of a data set was generated.
 
     Attributes:
-        recipe: that drew it.
+        recipe: name of the recipe.
         seed: of the data set.
-        index: of the scene in it.
-        set_aside: why the scenes drawn before it were not taken, one line each.
+        index: of the scene in the data set.
+        rejections: reasons why earlier scenes of this index were rejected, one line each.
         solver: name of the simulator.
         version: of surfsup.
-        frames: how many.
-        particles: how many.
-        sums: over its frames, for the statistics of the data set.
+        frames: number of frames.
+        particles: number of particles.
+        moments: over the frames, for the statistics of the data set.
     """
 
     recipe: str
     seed: int
     index: int
-    set_aside: list[str]
+    rejections: list[str]
     solver: str
     version: str
     frames: int
     particles: int
-    sums: Sums
+    moments: Moments
 
     @classmethod
-    def read(cls, path: Path) -> Made:
-        """Read it from the trajectory file ``path``, which takes 2 ms.
+    def read(cls, path: Path) -> GenerationRecord:
+        """Read the record in the trajectory file ``path``, which takes 2 ms.
 
         Raises:
             InputError: the file is cut off, or was not made by ``surfsup generate``.
         """
         try:
             with h5py.File(path, "r") as file:
-                about, notes = file.attrs, dict(file[TOPIC].attrs)
+                provenance, attributes = file.attrs, dict(file[RECORD_GROUP].attrs)
                 frames, particles, _ = file[f"{GROUP}/position"].shape
                 return cls(
-                    str(notes["recipe"]),
-                    int(notes["seed"]),
-                    int(notes["index"]),
-                    str(notes["set_aside"]).splitlines(),
-                    str(about["model"]),
-                    str(about["version"]),
+                    str(attributes["recipe"]),
+                    int(attributes["seed"]),
+                    int(attributes["index"]),
+                    str(attributes[REJECTIONS]).splitlines(),
+                    str(provenance["model"]),
+                    str(provenance["version"]),
                     int(frames),
                     int(particles),
-                    Sums.from_notes(notes),
+                    Moments.from_attributes(attributes),
                 )
         except (OSError, KeyError, TypeError, ValueError) as error:
             reason = " ".join(str(error).split())
@@ -71,7 +72,12 @@ class Made:
             ) from None
 
 
-def note_making(writer: TrajectoryWriter, drawing: Drawing, index: int, run: Run) -> None:
-    """Write into a trajectory file what :meth:`Made.read` reads, once ``run`` has ended."""
-    notes = {"recipe": drawing.recipe, "seed": drawing.seed, "index": index, "set_aside": "\n".join(run.set_aside)}
-    writer.write_attributes(TOPIC, notes | run.sums.to_notes())
+def write_record(writer: TrajectoryWriter, sampler: SceneSampler, index: int, simulation: CheckedSimulation) -> None:
+    """Write the record of a finished ``simulation`` into its trajectory file."""
+    attributes = {
+        "recipe": sampler.recipe,
+        "seed": sampler.seed,
+        "index": index,
+        REJECTIONS: "\n".join(simulation.rejections),
+    }
+    writer.write_attributes(RECORD_GROUP, attributes | simulation.moments.to_attributes())

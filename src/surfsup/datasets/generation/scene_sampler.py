@@ -1,4 +1,4 @@
-"""Which scenes a data set is made of: all that decides it, small enough to be sent to any worker."""
+"""Draws the scenes of a data set; small enough to send to any worker."""
 
 from __future__ import annotations
 
@@ -8,19 +8,20 @@ from pathlib import Path
 import numpy as np
 
 from surfsup.datasets.recipes import RECIPES
+from surfsup.datasets.recipes.recipe import Recipe
 from surfsup.errors import InputError
 from surfsup.scene import Scene
 
 
 @dataclass(frozen=True)
-class Drawing:
-    """How the scenes of a data set are drawn.
+class SceneSampler:
+    """Draws the scenes of a data set from its recipe and seed.
 
     Attributes:
         recipe: name of the recipe.
-        seed: with a scene's number it decides everything that the recipe leaves open.
-        frames: of every scene; None leaves it to the recipe.
-        folder: of the data set, where the recipe's files lie.
+        seed: determines each scene, together with the scene's index.
+        frames: number of frames of every scene; None for the recipe's own.
+        folder: of the data set, with the recipe's files.
     """
 
     recipe: str
@@ -29,10 +30,10 @@ class Drawing:
     folder: Path = Path()
 
     def __post_init__(self) -> None:
-        """Refuse what cannot be drawn.
+        """Check the values.
 
         Raises:
-            InputError: there is no such recipe, the seed is negative, or there are no frames.
+            InputError: the recipe does not exist, the seed is negative, or the number of frames is below 1.
         """
         if self.recipe not in RECIPES:
             raise InputError(f"there is no recipe '{self.recipe}'; known are {', '.join(RECIPES)}")
@@ -41,20 +42,23 @@ class Drawing:
         if self.frames is not None and self.frames < 1:
             raise InputError(f"frames is {self.frames}, but must be at least 1")
 
+    def _recipe(self) -> Recipe:
+        return RECIPES[self.recipe](self.folder)
+
     def prepare(self, source: Path | None, count: int) -> None:
-        """Put the files that the first ``count`` scenes need into the folder.
+        """Write the files of the first ``count`` scenes into the folder.
 
         Raises:
             InputError: the recipe takes no source, or cannot use this one.
         """
-        RECIPES[self.recipe](self.folder).prepare(source, count)
+        self._recipe().prepare(source, count)
 
     def scene(self, index: int, attempt: int = 0) -> Scene:
-        """Scene number ``index``; ``attempt`` counts the scenes drawn for it before, which were set aside."""
+        """Draw scene ``index``. ``attempt`` counts the scenes that were drawn for this index before and rejected."""
         entropy = [self.seed, index] if attempt == 0 else [self.seed, index, attempt]
-        scene = RECIPES[self.recipe](self.folder).scene(index, np.random.default_rng(entropy))
+        scene = self._recipe().scene(index, np.random.default_rng(entropy))
         return scene if self.frames is None else scene.with_frames(self.frames)
 
-    def set_aside(self, scene: Scene) -> None:
-        """Take away what ``scene``, which was drawn and will not be used, alone has put into the folder."""
-        RECIPES[self.recipe](self.folder).set_aside(scene)
+    def discard(self, scene: Scene) -> None:
+        """Remove the files in the folder that only the rejected ``scene`` uses."""
+        self._recipe().discard(scene)

@@ -1,4 +1,4 @@
-"""Many simulations side by side: on this machine's cores, or by the workers of a dask scheduler."""
+"""Many simulations side by side: on this machine's cores, or on the workers of a dask scheduler."""
 
 from __future__ import annotations
 
@@ -14,225 +14,226 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from surfsup import __version__
-from surfsup.datasets.folder import token_of
+from surfsup.datasets.folder import lock_token
 from surfsup.errors import InputError, SimulationError
 from surfsup.splishsplash import solver
 
 if TYPE_CHECKING:
     from distributed import Client
 
-WORKERS = 2  # by default
-PATIENCE = 4.0  # seconds that a scheduler may take to answer
-WORKER_PATIENCE = 5.0  # and its workers to appear
-LOOK_EVERY = 1.0  # seconds between looks for workers that were lost
-MOST_THREADS = 8  # of a process
+DEFAULT_WORKERS = 2
+CONNECT_TIMEOUT = 4.0  # seconds until a scheduler must answer
+WORKER_TIMEOUT = 5.0  # seconds until a scheduler must have a worker
+POLL_INTERVAL = 1.0  # seconds between checks for lost workers
+MAX_THREADS = 8  # per process
 SILENT = logging.CRITICAL + 1
-LOUD_LIBRARIES = ("distributed", "tornado", "asyncio")
+LOGGERS = ("distributed", "tornado", "asyncio")
 
 T = TypeVar("T")
 
 
 class LostWorkerWarning(UserWarning):
-    """A worker is gone; what it was doing is done by another."""
+    """A worker is gone. Another one repeats its work."""
 
 
-class Crew:
-    """Workers, each of which runs one simulation a thread.
+class WorkerPool:
+    """Workers that each run one simulation per thread.
 
     Attributes:
-        slots: simulations that run side by side.
+        slots: number of simulations that run side by side.
     """
 
     def __init__(self, client: Client, scheduler: str | None) -> None:
-        """Take ``client``, connected to the ``scheduler`` of the user, or to this process's own for None."""
+        """Use ``client``, connected to the user's ``scheduler``, or to a cluster of this process if it is None."""
         self._client, self._scheduler = client, scheduler
-        self._workers = self._present()
+        self._workers = self._threads()
         self.slots = sum(self._workers.values())
 
-    def _present(self) -> dict[str, int]:
-        """Threads of each worker."""
+    def _threads(self) -> dict[str, int]:
+        """Number of threads of each worker."""
         return dict(self._client.nthreads())
 
-    def require(self, folder: Path | None, token: str = "") -> None:
-        """Check that every worker can do its work.
+    def check_workers(self, folder: Path | None, token: str = "") -> None:
+        """Check that every worker can run simulations.
 
         Args:
-            folder: that all must see under this path; None where they need none.
-            token: that stands in the folder's lock file.
+            folder: that all workers must share under this path; None if they need none.
+            token: in the folder's lock file.
 
         Raises:
-            InputError: one lacks surfsup, this version of it, the solver or the folder.
+            InputError: a worker lacks surfsup, this version of it, the solver or the folder.
         """
-        found = self._client.run(what_is_missing, folder, token, __version__, on_error="return")
-        for worker, complaint in found.items():
-            if isinstance(complaint, BaseException):
-                complaint = f"cannot run surfsup {__version__} ({' '.join(str(complaint).split())})"
-            if complaint is not None:
-                raise InputError(complaint if self._scheduler is None else f"worker {worker}: {complaint}")
+        found = self._client.run(missing_requirement, folder, token, __version__, on_error="return")
+        for worker, problem in found.items():
+            if isinstance(problem, BaseException):
+                problem = f"cannot run surfsup {__version__} ({' '.join(str(problem).split())})"
+            if problem is not None:
+                raise InputError(problem if self._scheduler is None else f"worker {worker}: {problem}")
 
     def submit(self, job: Callable[..., T], *arguments: object) -> Future[T]:
-        """Have ``job(*arguments)`` done by some worker.
+        """Run ``job(*arguments)`` on a worker.
 
-        Besides what the job raises, the future raises SimulationError when the scheduler was lost, or the job took down
-        every worker that it was given to.
+        The future raises what the job raises, or SimulationError if the scheduler was lost or the job crashed every
+        worker that it ran on.
         """
-        # A key of its own for each: what a run that was killed left with the scheduler is not taken for ours.
+        # The key is unique: a killed run may have left results of the same job at the scheduler.
         key = f"{job.__name__}-{uuid.uuid4().hex}"
-        remote = self._client.submit(on_one_core, job, *arguments, key=key, pure=False)
-        promise: Future[T] = Future()
+        remote = self._client.submit(run_single_threaded, job, *arguments, key=key, pure=False)
+        future: Future[T] = Future()
 
         def settle(done: Any) -> None:
-            # Not by whoever waits for it: a result may be lost with its worker before it is here, and is then made
-            # once more, which takes as long as there are no workers.
+            # This runs in dask's thread, not in the caller's: if a result is lost with its worker before it arrives,
+            # it is computed again, which takes as long as there are no workers.
             try:
-                promise.set_result(self._outcome(done))
+                future.set_result(self._result(done))
             except BaseException as error:
-                promise.set_exception(error)
+                future.set_exception(error)
 
         remote.add_done_callback(settle)
-        return promise
+        return future
 
-    def finished(self, waiting: Sequence[Future[T]]) -> Iterator[Future[T]]:
-        """Yield each of ``waiting`` as it gets done, in whatever order.
+    def as_completed(self, futures: Sequence[Future[T]]) -> Iterator[Future[T]]:
+        """Yield each of ``futures`` when it is done.
 
         Raises:
             SimulationError: the scheduler was lost.
         """
         done: queue.SimpleQueue[Future[T]] = queue.SimpleQueue()
-        for future in waiting:
+        for future in futures:
             future.add_done_callback(done.put)
-        for _ in waiting:
-            yield self.next_of(done)
+        for _ in futures:
+            yield self.wait_for(done)
 
-    def next_of(self, done: queue.SimpleQueue[T]) -> T:
-        """What is put into ``done`` next; meanwhile workers that get lost are told of.
+    def wait_for(self, done: queue.SimpleQueue[T]) -> T:
+        """Wait for the next item of ``done``, and warn of lost workers meanwhile.
 
         Raises:
             SimulationError: the scheduler was lost.
         """
         while True:
-            self.look_for_losses()
+            self.check_losses()
             with suppress(queue.Empty):
-                return done.get(timeout=LOOK_EVERY)
+                return done.get(timeout=POLL_INTERVAL)
 
-    def _outcome(self, remote: Any) -> Any:
+    def _result(self, remote: Any) -> Any:
         from distributed.scheduler import KilledWorker
 
         try:
             return remote.result()
         except CancelledError:
-            raise self._lost() from None
+            raise self._lost_scheduler() from None
         except KilledWorker as error:
             raise SimulationError(
                 f"{error.allowed_failures + 1} workers were lost one after the other at the same scene; have they "
                 "enough memory?"
             ) from None
 
-    def look_for_losses(self) -> None:
-        """Warn of each worker that has gone.
+    def check_losses(self) -> None:
+        """Warn of each worker that was lost.
 
         Raises:
-            SimulationError: the scheduler has gone too.
+            SimulationError: the scheduler was lost.
         """
         if self._scheduler is None:
             return
         try:
-            present = self._present()
+            present = self._threads()
         except Exception:
-            raise self._lost() from None
+            raise self._lost_scheduler() from None
         lost = self._workers.keys() - present.keys()
         left = f"{len(present)} left" if present else "none left, waiting for new ones"
         for worker in sorted(lost):
             warnings.warn(LostWorkerWarning(f"worker {worker} was lost, others do its work; {left}"), stacklevel=2)
         self._workers, self.slots = present, sum(present.values())
 
-    def _lost(self) -> SimulationError:
+    def _lost_scheduler(self) -> SimulationError:
         return SimulationError(
-            f"the scheduler at {self._scheduler} was lost; what was finished is kept, the same command goes on"
+            f"the scheduler at {self._scheduler} was lost; finished scenes are kept, run the same command to resume"
         )
 
 
-def on_one_core(job: Callable[..., T], *arguments: object) -> T:
-    """Do ``job(*arguments)`` in this thread without help from others.
+def run_single_threaded(job: Callable[..., T], *arguments: object) -> T:
+    """Run ``job(*arguments)`` with one thread of torch.
 
-    Many jobs run side by side. The other threads of a parallel loop of torch, when they have done their part, spin
-    for a while in wait of the next, and took more of the cores that way than all the work had in it.
+    Many jobs run side by side. The threads of a parallel loop spin for a while after their part, which took more CPU
+    time than the work itself.
     """
     import torch
 
-    torch.set_num_threads(1)  # of this thread, and of those that begin after it
+    torch.set_num_threads(1)  # of this thread and of threads that start later
     return job(*arguments)
 
 
-class AbandonedError(Exception):
-    """Nobody waits for this simulation any more."""
+class CanceledError(Exception):
+    """The simulation's result is no longer needed."""
 
 
-def while_wanted(frames: Generator[T, None, None]) -> Iterator[T]:
-    """The ``frames`` of a simulation, which dask itself could not stop once it has begun.
+def until_canceled(frames: Generator[T, None, None]) -> Iterator[T]:
+    """Yield ``frames`` until dask cancels the simulation; dask cannot stop a running job by itself.
 
     Raises:
-        AbandonedError: the worker is closing, or whoever asked for the simulation has gone.
+        CanceledError: the worker is closing, or the client has gone.
     """
     from distributed import get_worker
 
     worker = get_worker()
     key = worker.get_current_task()
-    with closing(frames) as going_on:
-        for frame in going_on:
+    with closing(frames):
+        for frame in frames:
             task = worker.state.tasks.get(key)
-            if worker.status.name in ("closing", "closed") or task is None or task.state == "canceled":
-                raise AbandonedError
+            # dask spells it "cancelled".
+            if worker.status.name in ("closing", "closed") or task is None or task.state == "cancelled":
+                raise CanceledError
             yield frame
 
 
-def what_is_missing(folder: Path | None, token: str, version: str) -> str | None:
-    """Asked of a worker: why it cannot do its work, None where it can."""
+def missing_requirement(folder: Path | None, token: str, version: str) -> str | None:
+    """Why this worker cannot run simulations; None if it can."""
     if version != __version__:
-        return f"has surfsup {__version__}, but {version} is wanted"
-    if folder is not None and token_of(folder) != token:
+        return f"has surfsup {__version__}, but needs {version}"
+    if folder is not None and lock_token(folder) != token:
         return f"does not see {folder}; it must be a folder that all machines share under one path"
     try:
-        solver.require()
+        solver.check_installed()
     except InputError as error:
         return str(error)
     return None
 
 
 @contextmanager
-def crew(workers: int | None = None, scheduler: str | None = None) -> Iterator[Crew]:
-    """Workers for as long as they are needed.
+def open_worker_pool(workers: int | None = None, scheduler: str | None = None) -> Iterator[WorkerPool]:
+    """A worker pool for the duration of the context.
 
     Args:
         workers: simulations side by side on this machine, each on one core; 2 by default.
-        scheduler: address of a running dask scheduler, whose workers do it instead.
+        scheduler: address of a running dask scheduler to use instead.
 
     Raises:
-        InputError: both are given, there are none, nobody answers there, or dask is not installed.
+        InputError: both are given, there are no workers, the scheduler does not answer, or dask is not installed.
     """
     if workers is not None and scheduler is not None:
         raise InputError("--workers are of this machine, --scheduler has its own: give only one of them")
     if workers is not None and workers < 1:
-        raise InputError(f"asked for {workers} workers; there must be at least 1")
+        raise InputError(f"the number of workers is {workers}, but must be at least 1")
     try:
         from distributed import Client
     except ModuleNotFoundError:
         raise InputError("dask, which spreads the work, is not installed: pip install 'surfsup[reference]'") from None
-    with quiet(), connected(workers or WORKERS, scheduler) as address:
+    with silenced_logs(), cluster_address(workers or DEFAULT_WORKERS, scheduler) as address:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # of versions that differ; what matters is checked by Crew.require
-            client = Client(address, timeout=PATIENCE, set_as_default=False)
+            warnings.simplefilter("ignore")  # of version differences; WorkerPool.check_workers checks what matters
+            client = Client(address, timeout=CONNECT_TIMEOUT, set_as_default=False)
         try:
             if scheduler is not None:
-                wait_for_a_worker(client, scheduler)
-            yield Crew(client, scheduler)
+                wait_for_worker(client, scheduler)
+            yield WorkerPool(client, scheduler)
         finally:
-            client.close(timeout=PATIENCE)
+            client.close(timeout=CONNECT_TIMEOUT)
 
 
 @contextmanager
-def connected(workers: int, scheduler: str | None) -> Iterator[Any]:
-    """What a client can connect to: the user's scheduler, or a cluster of this process.
+def cluster_address(workers: int, scheduler: str | None) -> Iterator[Any]:
+    """The address for a client: the user's scheduler, or a new cluster of this process.
 
     Raises:
         InputError: no scheduler answers.
@@ -243,10 +244,10 @@ def connected(workers: int, scheduler: str | None) -> Iterator[Any]:
         return
     from distributed import LocalCluster
 
-    # Every simulation is a process of its own, so threads will do here: joined through memory, and there at once. What
-    # they do takes a twentieth of a core each; for many it is shared out to several processes. The status pages, which
-    # dask cannot leave out, are served to this machine only.
-    threads = max(count for count in range(1, MOST_THREADS + 1) if workers % count == 0)
+    # Each simulation is a child process, so threads suffice here: they share memory and start at once. Each takes a
+    # twentieth of a core; many are distributed over several processes. dask cannot leave out its status pages; this
+    # machine alone can open them.
+    threads = max(count for count in range(1, MAX_THREADS + 1) if workers % count == 0)
     with LocalCluster(
         n_workers=workers // threads,
         threads_per_worker=threads,
@@ -261,25 +262,25 @@ def connected(workers: int, scheduler: str | None) -> Iterator[Any]:
 
 
 def check_scheduler(address: str) -> None:
-    """Ask the scheduler at ``address`` for its name.
+    """Check that a dask scheduler answers at ``address``.
 
     Raises:
-        InputError: it does not answer, or something else does.
+        InputError: nothing answers, or something else does.
     """
     from distributed.core import rpc
 
-    async def ask() -> dict[str, Any]:
-        connection = rpc(address, timeout=PATIENCE)
+    async def identity() -> dict[str, Any]:
+        connection = rpc(address, timeout=CONNECT_TIMEOUT)
         try:
             return await connection.identity()
         finally:
             await connection.close_rpc()
 
-    async def ask_in_time() -> dict[str, Any]:
-        return await asyncio.wait_for(ask(), PATIENCE + 1)
+    async def identity_in_time() -> dict[str, Any]:
+        return await asyncio.wait_for(identity(), CONNECT_TIMEOUT + 1)
 
     try:
-        kind = asyncio.run(ask_in_time()).get("type")
+        kind = asyncio.run(identity_in_time()).get("type")
     except (OSError, TimeoutError):
         raise InputError(f"no dask scheduler answers at {address}; start one with 'dask scheduler'") from None
     except Exception as error:
@@ -290,23 +291,23 @@ def check_scheduler(address: str) -> None:
         raise InputError(f"--scheduler {address}: is the address of a dask {kind}, not of a scheduler")
 
 
-def wait_for_a_worker(client: Client, scheduler: str) -> None:
+def wait_for_worker(client: Client, scheduler: str) -> None:
     """Wait until the scheduler has a worker.
 
     Raises:
         InputError: none appears in time.
     """
     try:
-        client.wait_for_workers(1, timeout=WORKER_PATIENCE)
+        client.wait_for_workers(1, timeout=WORKER_TIMEOUT)
     except TimeoutError:
         raise InputError(f"the scheduler at {scheduler} has no workers; start some: dask worker {scheduler}") from None
 
 
 @contextmanager
-def quiet() -> Iterator[None]:
-    """Keep the log lines of dask to itself: what a user needs to know is told in our own words."""
-    names = [name for name in logging.root.manager.loggerDict if name.split(".")[0] in LOUD_LIBRARIES]
-    loggers = [logging.getLogger(name) for name in {*names, *LOUD_LIBRARIES}]
+def silenced_logs() -> Iterator[None]:
+    """Silence dask's log lines; our own messages have what a user needs to know."""
+    names = [name for name in logging.root.manager.loggerDict if name.split(".")[0] in LOGGERS]
+    loggers = [logging.getLogger(name) for name in {*names, *LOGGERS}]
     levels = [logger.level for logger in loggers]
     for logger in loggers:
         logger.setLevel(SILENT)

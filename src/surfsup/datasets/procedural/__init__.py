@@ -1,1 +1,1 @@
-"""Solids that the project makes itself: chairs, a coral, a lion, a furnished room."""
+"""Procedural solids: random chairs, a coral, a lion, a furnished room."""

@@ -1,6 +1,6 @@
-"""A furnished room, open above and cut away in front, as a union of boxes and cylinders.
+"""A furnished room, open at the top and cut away at the front, as a union of boxes and cylinders.
 
-It is a doll's house: 1.9 m wide, and nothing in it is thinner than 0.035 m. x points to the right, y to the back.
+It is a doll's house: 1.9 m wide, with no part thinner than 0.035 m. x points to the right, y to the back.
 """
 
 from __future__ import annotations
@@ -9,14 +9,14 @@ from surfsup.datasets.procedural.chairs import Parts, beam, round_post, square_p
 from surfsup.scene import Shape
 from surfsup.scene.shapes import ConeShape, SphereShape
 
-HALF = 0.95  # meters: from the middle to the outside of a wall
+HALF = 0.95  # meters from the middle to the outside of a wall
 WALL = 0.05
 FLOOR = 0.05
-HIGH, LOW = 0.95, 0.22  # meters: the walls behind and on the left, those in front and on the right
+HIGH, LOW = 0.95, 0.22  # meters: heights of the walls at the back and left, and at the front and right
 
 
 def room() -> Shape:
-    """The room with all that is in it, standing on z = 0."""
+    """The room with its furniture, standing on z = 0."""
     parts = walls() + table(0.28, -0.38) + sofa() + bookcase() + bed()
     parts += chair(0.28, -0.68, 1) + chair(0.28, -0.08, -1) + chair(0.56, -0.38, 0)
     return Shape(union=parts + lamp(-0.78, 0.76) + plant(0.02, 0.75) + low_table(-0.3, -0.25))
@@ -42,7 +42,7 @@ def walls() -> Parts:
 
 
 def table(x: float, y: float) -> Parts:
-    """A dining table with a bowl's worth of things on it."""
+    """A dining table with a jug and a loaf on it."""
     top = FLOOR + 0.3
     legs = [square_post(x + dx, y + dy, FLOOR, top, 0.045) for dx in (-0.17, 0.17) for dy in (-0.13, 0.13)]
     jug = round_post(x - 0.08, y + 0.02, top, top + 0.13, 0.09)
@@ -51,7 +51,7 @@ def table(x: float, y: float) -> Parts:
 
 
 def chair(x: float, y: float, faces: int) -> Parts:
-    """A small chair that faces along +y (1), -y (-1) or -x (0)."""
+    """A small chair that faces +y (1), -y (-1) or -x (0)."""
     seat, side = FLOOR + 0.18, 0.085
     legs = [square_post(x + dx, y + dy, FLOOR, seat, 0.036) for dx in (-0.065, 0.065) for dy in (-0.065, 0.065)]
     board = beam((x - side, y - side, seat - 0.036), (x + side, y + side, seat))
@@ -64,7 +64,7 @@ def chair(x: float, y: float, faces: int) -> Parts:
 
 
 def sofa() -> Parts:
-    """Against the left wall: a base, a back, arms, two cushions and feet."""
+    """A sofa at the left wall: a base, a back, arms, two cushions and feet."""
     x, low, high = -HALF + WALL, -0.62, 0.1
     feet = [square_post(x + dx, y, FLOOR, FLOOR + 0.08, 0.05) for dx in (0.05, 0.27) for y in (low + 0.05, high - 0.05)]
     return [
@@ -79,7 +79,7 @@ def sofa() -> Parts:
 
 
 def bookcase() -> Parts:
-    """Against the wall behind: five boards, two sides, and books of different heights on them."""
+    """A bookcase at the back wall: five boards, two sides, and books of different heights."""
     left, right, front, wall, top = 0.3, 0.84, 0.72, HALF - WALL, 0.86
     boards = [
         beam((left, front, level), (right, wall, level + 0.036)) for level in (FLOOR, 0.25, 0.45, 0.65, top - 0.036)
@@ -96,7 +96,7 @@ def bookcase() -> Parts:
 
 
 def bed() -> Parts:
-    """In the corner behind on the right: a frame, a mattress, a pillow and a headboard."""
+    """A bed in the right corner at the back: a frame, a mattress, a pillow and a headboard."""
     x, low, high = HALF - WALL, 0.14, 0.66
     return [
         beam((x - 0.32, low, FLOOR), (x, high, FLOOR + 0.1)),

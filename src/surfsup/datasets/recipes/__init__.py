@@ -1,4 +1,4 @@
-"""Recipes: which scenes a data set is made of. A file a recipe."""
+"""Recipes: each file draws the scenes of one kind of data set."""
 
 from surfsup.datasets.recipes.assorted import Assorted
 from surfsup.datasets.recipes.bowls import Bowls

@@ -1,9 +1,9 @@
-"""The recipe ``assorted``: all that a user might pour, for training and for judging beyond the supplement's sets.
+"""The recipe ``assorted``: many kinds of scenes, for training and for evaluation beyond the supplement's sets.
 
-All of it is ours. A solid of one of the other recipes, made smaller or lifted off the floor at times, or none; a
-container up to half as wide again; one or two blocks of water of any shape between a slab and a column, above the
-solid or standing on the floor like a dam, at rest or thrown; gravity weaker or stronger, tilted at times. Half as many
-frames as usual: what is asked for is variety.
+The recipe is ours. A solid of another recipe, at times scaled down or lifted off the floor, or none; a container up to
+half as wide again; one or two blocks of water of any shape between a slab and a column, above the solid or standing on
+the floor like a dam, at rest or thrown; weaker, stronger or tilted gravity. It has half the usual number of frames: the
+purpose is variety.
 """
 
 from __future__ import annotations
@@ -16,24 +16,24 @@ from surfsup.datasets.recipes.chairs import Chairs
 from surfsup.datasets.recipes.funnels import Funnels
 from surfsup.datasets.recipes.prim_shapes import PrimShapes
 from surfsup.datasets.recipes.prim_unions import PrimUnions
-from surfsup.datasets.recipes.recipe import Recipe
-from surfsup.datasets.recipes.water import WALL_GAP, Random
-from surfsup.scene import SPACING, Block, Container, Fluid, Scene, Shape
+from surfsup.datasets.recipes.recipe import Random, Recipe
+from surfsup.datasets.recipes.water import WALL_GAP, block_at
+from surfsup.scene import SPACING, Block, Container, Scene, Shape
 from surfsup.sdf import Surface
 
 SOLIDS = (PrimShapes, PrimUnions, Bowls, Funnels, Chairs)
 FRAMES = 400
 SIDE = (1.0, 1.5)  # meters of the container, along x and along y
-SMALLER = (0.5, 1.0)  # scale of every third solid
-LIFTED = (0.0, 0.3)  # meters, every third one again
+SCALE = (0.5, 1.0)  # of a third of the solids
+LIFT = (0.0, 0.3)  # meters, of another third
 BLOCK_SIDE = (0.2, 0.6)
 PARTICLES = (600, 5000)  # of a block
-SPEED = 2.5  # m/s, the largest of a thrown block
-STRENGTH = (0.6, 1.4)  # of gravity's 9.81 m/s²
-TILT = 20.0  # degrees, the largest
-# Water of a lattice that begins nearer than this to a solid is denser than the solver allows, and bursts.
-CLEAR = 0.036  # meters
-TRIES = 50
+MAX_SPEED = 2.5  # m/s of a thrown block
+STRENGTH = (0.6, 1.4)  # of gravity, relative to 9.81 m/s²
+MAX_TILT = 20.0  # degrees
+# meters: a lattice that starts closer to a solid is denser than the solver allows, and bursts
+SOLID_GAP = 0.036
+ATTEMPTS = 50
 
 
 class Assorted(Recipe):
@@ -42,37 +42,40 @@ class Assorted(Recipe):
     name = "assorted"
 
     def scene(self, index: int, random: Random) -> Scene:
-        """Scene number ``index``: the kinds of solid take turns, every sixth has none; the rest is from ``random``."""
-        container = Container(size=(*random.uniform(*SIDE, size=2).tolist(), 2.0))
+        """Draw scene ``index``: the kinds of solids alternate, every sixth scene has none, ``random`` has the rest."""
+        width, depth = random.uniform(*SIDE, size=2).tolist()
+        container = Container(size=(width, depth, 2.0))
         kind = index % (len(SOLIDS) + 1)
-        solid = None
+        solid: Shape | None = None
         if kind < len(SOLIDS):
-            solid = moved(SOLIDS[kind](self.folder).scene(index, random).surface, random)
+            drawn = SOLIDS[kind](self.folder).scene(index, random).surface
+            assert isinstance(drawn, Shape)
+            solid = scaled_or_lifted(drawn, random)
         surface = None if solid is None else solid.surface(self.folder)
-        water: list[Fluid] = []
+        water: list[Block] = []
         for _ in range(random.integers(1, 3)):
             water += free_block(container, surface, water, random)
-        return Scene(container=container, surface=solid, fluid=water, gravity=gravity(random), frames=FRAMES)
+        return Scene(container=container, surface=solid, fluid=water, gravity=random_gravity(random), frames=FRAMES)
 
 
-def moved(solid: Shape, random: Random) -> Shape:
-    """The solid as it is, or smaller about the middle of the floor, or lifted: a third each."""
+def scaled_or_lifted(solid: Shape, random: Random) -> Shape:
+    """The solid unchanged, scaled down about the middle of the floor, or lifted, with equal probability."""
     choice = random.integers(3)
     if choice == 1:
-        return Shape(union=[solid], scale=random.uniform(*SMALLER))
+        return Shape(union=[solid], scale=random.uniform(*SCALE))
     if choice == 2:
-        return Shape(union=[solid], at=(0.0, 0.0, random.uniform(*LIFTED)))
+        return Shape(union=[solid], at=(0.0, 0.0, random.uniform(*LIFT)))
     return solid
 
 
-def free_block(container: Container, surface: Surface | None, others: list[Fluid], random: Random) -> list[Fluid]:
-    """A block of water that touches nothing; none where none was found, but always one where there is no other.
+def free_block(container: Container, surface: Surface | None, others: list[Block], random: Random) -> list[Block]:
+    """A block of water that touches nothing, as a list; it may be empty only if there are other blocks.
 
     Raises:
-        RuntimeError: the container is full, which no solid of these recipes makes it.
+        RuntimeError: the container is full, which no solid of these recipes causes.
     """
     lower, upper = np.add(container.lower, WALL_GAP), np.subtract(container.upper, WALL_GAP)
-    for _ in range(TRIES if others else 100 * TRIES):
+    for _ in range(ATTEMPTS if others else 100 * ATTEMPTS):
         sides = random.uniform(*BLOCK_SIDE, size=3)
         corner = random.uniform(lower, upper - sides)
         if random.random() < 0.3:
@@ -81,19 +84,17 @@ def free_block(container: Container, surface: Surface | None, others: list[Fluid
             continue
         thrown = random.random() < 0.5
         direction = random.normal(size=3)
-        speed = random.uniform(0.0, SPEED) if thrown else 0.0
+        speed = random.uniform(0.0, MAX_SPEED) if thrown else 0.0
         velocity = speed * direction / np.linalg.norm(direction)
-        block = Block(
-            min=tuple(corner.tolist()), max=tuple((corner + sides).tolist()), velocity=tuple(velocity.tolist())
-        )
-        if not any(meet(block, other.block) for other in others) and is_clear(block, surface):
-            return [Fluid(block=block)]
+        block = block_at(corner, sides).model_copy(update={"velocity": tuple(velocity.tolist())})
+        if not any(touch(block, other) for other in others) and is_clear(block, surface):
+            return [block]
     if others:
         return []
     raise RuntimeError("no room for water")
 
 
-def meet(one: Block, other: Block) -> bool:
+def touch(one: Block, other: Block) -> bool:
     """Whether two blocks overlap or touch."""
     return all(
         low <= other_high + SPACING and other_low <= high + SPACING
@@ -102,21 +103,22 @@ def meet(one: Block, other: Block) -> bool:
 
 
 def is_clear(block: Block, surface: Surface | None) -> bool:
-    """Whether all particles of the block keep their distance from the solid."""
+    """Whether all particles of the block are at least SOLID_GAP from the solid."""
     if surface is None:
         return True
     with torch.no_grad():
-        return bool((surface.distance(torch.from_numpy(block.positions())) > CLEAR).all())
+        return bool((surface.distance(torch.from_numpy(block.positions())) > SOLID_GAP).all())
 
 
-def gravity(random: Random) -> tuple[float, float, float]:
-    """The usual one, or another strength, or tilted by up to TILT: a third each."""
+def random_gravity(random: Random) -> tuple[float, float, float]:
+    """Gravity as usual, of another strength, or tilted by up to MAX_TILT, with equal probability, in m/s²."""
     strength, tilt = 9.81, 0.0
     choice = random.integers(3)
     if choice == 1:
         strength *= random.uniform(*STRENGTH)
     elif choice == 2:
-        tilt = np.radians(random.uniform(0.0, TILT))
-    around = random.uniform(0.0, 2 * np.pi)
-    direction = np.array([np.sin(tilt) * np.cos(around), np.sin(tilt) * np.sin(around), -np.cos(tilt)])
-    return tuple((strength * direction).tolist())
+        tilt = np.radians(random.uniform(0.0, MAX_TILT))
+    azimuth = random.uniform(0.0, 2 * np.pi)
+    direction = np.array([np.sin(tilt) * np.cos(azimuth), np.sin(tilt) * np.sin(azimuth), -np.cos(tilt)])
+    x, y, z = (strength * direction).tolist()
+    return x, y, z

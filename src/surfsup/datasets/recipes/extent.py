@@ -1,4 +1,4 @@
-"""How far a primitive reaches, whichever way it is turned, in closed form."""
+"""The extent of a primitive in any orientation, in closed form."""
 
 from __future__ import annotations
 
@@ -13,36 +13,36 @@ Primitive = SphereShape | BoxShape | CylinderShape | ConeShape | TorusShape
 
 def extent(shape: Shape) -> tuple[np.ndarray, np.ndarray]:
     """Lower and upper corner (3,) of the tightest box around a placed primitive, meters."""
-    rotation = rotation_of(shape)
+    rotation = rotation_matrix(shape)
     primitive: Primitive = getattr(shape, shape.kind)
-    # What a direction of the container is in the primitive's own frame is a row of the rotation.
-    upper = np.array([direction @ support(primitive, direction) for direction in rotation])
-    lower = np.array([direction @ support(primitive, -direction) for direction in rotation])
+    # A row of the rotation is an axis of the container in the primitive's own frame.
+    upper = np.array([axis @ support_point(primitive, axis) for axis in rotation])
+    lower = np.array([axis @ support_point(primitive, -axis) for axis in rotation])
     return np.asarray(shape.at) + shape.scale * lower, np.asarray(shape.at) + shape.scale * upper
 
 
 def lowest_point(shape: Shape) -> np.ndarray:
-    """The point (3,) of a placed primitive that is nearest to the floor, meters."""
-    rotation = rotation_of(shape)
+    """The lowest point (3,) of a placed primitive, meters."""
+    rotation = rotation_matrix(shape)
     primitive: Primitive = getattr(shape, shape.kind)
-    return np.asarray(shape.at) + shape.scale * rotation @ support(primitive, -rotation[2])
+    return np.asarray(shape.at) + shape.scale * rotation @ support_point(primitive, -rotation[2])
 
 
-def rotation_of(shape: Shape) -> np.ndarray:
-    """How the shape is turned, as a matrix (3, 3)."""
+def rotation_matrix(shape: Shape) -> np.ndarray:
+    """The shape's rotation (3, 3)."""
     if shape.rotate is None:
         return np.eye(3)
     axis = np.asarray(shape.rotate.axis) / np.linalg.norm(shape.rotate.axis)
     return ScipyRotation.from_rotvec(axis * shape.rotate.degrees, degrees=True).as_matrix()
 
 
-def support(primitive: Primitive, direction: np.ndarray) -> np.ndarray:
-    """The point (3,) of the primitive in its own frame that reaches farthest along the unit vector ``direction`` (3,).
+def support_point(primitive: Primitive, direction: np.ndarray) -> np.ndarray:
+    """The point (3,) of the primitive, in its own frame, that is farthest along the unit vector ``direction`` (3,).
 
-    Where a whole edge or face reaches as far, it is the middle of that, or one of its points.
+    If a whole edge or face is equally far, it is the middle or one of the points of that.
     """
     across = np.array([direction[0], direction[1], 0.0])
-    outward = across / max(np.linalg.norm(across), 1e-12)
+    outward = across / max(float(np.linalg.norm(across)), 1e-12)
     up = np.array([0.0, 0.0, np.sign(direction[2])])
     match primitive:
         case SphereShape():

@@ -1,4 +1,4 @@
-"""Meshes that a user gives: checked one by one, those that can be used copied into the data set."""
+"""The user's meshes: each is checked, and valid ones are copied into the data set."""
 
 from __future__ import annotations
 
@@ -6,66 +6,63 @@ import shutil
 import warnings
 from collections.abc import Iterable
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 
+from surfsup.datasets.folder import SURFACES, atomic_write
 from surfsup.errors import InputError
 from surfsup.sdf import fit_mesh, load_mesh
 
-SURFACES = "surfaces"  # the room of a data set's files in its folder
+
+class InvalidMeshWarning(UserWarning):
+    """A mesh was left out; the message has its file and the reason."""
 
 
-class UnusableMesh(UserWarning):
-    """A mesh was left out; the message says which and why."""
-
-
-def collect(meshes: Iterable[tuple[str, Path]], folder: Path, count: int) -> int:
-    """Copy the first ``count`` usable ones of ``meshes`` to ``folder``/surfaces; those there already are kept.
+def copy_meshes(meshes: Iterable[tuple[str, Path]], folder: Path, count: int) -> int:
+    """Copy the first ``count`` valid ones of ``meshes`` to ``folder``/surfaces; copies that are there are kept.
 
     Args:
-        meshes: what each is to be called, without an ending, and its file; in the order of the names.
+        meshes: name without a suffix and file of each mesh, in the order of the names.
         folder: of the data set.
-        count: how many are needed at most.
+        count: limit of the number of copies.
 
     Returns:
-        How many usable ones were found.
+        The number of valid meshes.
 
     Warns:
-        UnusableMesh: for each that had to be left out.
+        InvalidMeshWarning: for each mesh that was left out.
     """
-    room = folder / SURFACES
-    room.mkdir(parents=True, exist_ok=True)
     found = 0
     for name, path in meshes:
         if found == count:
             break
-        copy = room / f"{name}{path.suffix.lower()}"
+        copy = folder / SURFACES / f"{name}{path.suffix.lower()}"
         if not copy.exists():
             try:
-                check(path)
+                check_mesh(path)
             except InputError as error:
-                warnings.warn(f"{error}; left out", UnusableMesh, stacklevel=2)
+                warnings.warn(f"{error}; left out", InvalidMeshWarning, stacklevel=2)
                 continue
-            partial = copy.with_name(f".{copy.name}.partial")
-            shutil.copyfile(path, partial)
-            partial.replace(copy)
+            with atomic_write(copy) as partial:
+                shutil.copyfile(path, partial)
         found += 1
     return found
 
 
-def check(path: Path) -> None:
-    """Refuse a mesh that no surface can be made of.
+def check_mesh(path: Path) -> None:
+    """Check that a mesh file can become a surface.
 
     Raises:
-        InputError: it cannot be read, or is no solid.
+        InputError: it is unreadable, or not a solid.
     """
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # faults that it can be used with are told when it is used
+        warnings.simplefilter("ignore")  # the warnings about its faults come when it is used
         load_mesh(path)
 
 
-def fitted_corners(path: Path, fit: float, up: str | None = None) -> np.ndarray:
-    """The vertices (V, 3) of a mesh file as the surface ``mesh: {file, fit, up}`` of a scene has them, meters."""
+def fitted_vertices(path: Path, fit: float, up: Literal["y", "z"] | None = None) -> np.ndarray:
+    """The vertices (V, 3) of a mesh file as the surface ``mesh: {file, fit, up}`` of a scene places them, meters."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         mesh, _ = fit_mesh(load_mesh(path, up=up), fit)

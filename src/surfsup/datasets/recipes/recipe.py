@@ -1,4 +1,4 @@
-"""The one interface of every recipe: which scenes a data set is made of."""
+"""The interface of a recipe, which draws the scenes of a data set."""
 
 from __future__ import annotations
 
@@ -11,43 +11,42 @@ import numpy as np
 from surfsup.errors import InputError
 from surfsup.scene import Scene
 
+Random = np.random.Generator
+
 
 class Recipe(ABC):
-    """Scenes drawn one by one, for the data set in ``folder``.
+    """Draws the scenes of the data set in ``folder`` one by one.
 
-    A data set is complete in itself: files that its scenes need (meshes, heights) lie in its folder and are named
-    relative to it, so that it can be moved and so that workers need nothing but the folder.
+    A data set is complete in itself: the files of its scenes (meshes, heights) are in its folder, and scenes name them
+    relative to it. The folder can therefore be moved, and workers need nothing else.
 
     Attributes:
-        name: what the recipe is called on the command line.
+        name: of the recipe on the command line.
         folder: of the data set.
     """
 
     name: ClassVar[str]
 
     def __init__(self, folder: Path) -> None:
-        """Take ``folder`` as the data set's; nothing is read or written yet."""
+        """Use ``folder`` for the data set; this reads and writes nothing yet."""
         self.folder = folder
 
     def prepare(self, source: Path | None, count: int) -> None:
-        """Put the files that the first ``count`` scenes refer to into the folder; those there already are kept.
+        """Write the files of the first ``count`` scenes into the folder; files that are there already are kept.
 
         Args:
-            source: what the user gave to make surfaces of; most recipes take none.
-            count: how many scenes there will be.
+            source: file or folder that the user gave for surfaces; most recipes take none.
+            count: number of scenes.
 
         Raises:
-            InputError: this recipe takes no source, or cannot use the one given.
+            InputError: the recipe takes no source, or cannot use this one.
         """
         if source is not None:
             raise InputError(f"recipe '{self.name}' makes its own surfaces; leave out --source {source}")
 
     @abstractmethod
-    def scene(self, index: int, random: np.random.Generator) -> Scene:
-        """Scene number ``index``; all that is left open is drawn from ``random``.
+    def scene(self, index: int, random: Random) -> Scene:
+        """Draw scene ``index`` with ``random``. Paths in the scene are relative to the data set's folder."""
 
-        Files that it names are found from the data set's folder.
-        """
-
-    def set_aside(self, scene: Scene) -> None:  # noqa: B027  most recipes' scenes leave nothing
-        """Take away what ``scene``, which was drawn and will not be used, alone has put into the folder."""
+    def discard(self, scene: Scene) -> None:  # noqa: B027  most scenes have no files of their own
+        """Remove the files in the folder that only the rejected ``scene`` uses."""

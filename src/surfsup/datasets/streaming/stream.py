@@ -1,4 +1,4 @@
-"""Simulations without end, handed over as each is finished while the workers go on."""
+"""An endless stream of simulations, each delivered when it is finished while the workers continue."""
 
 from __future__ import annotations
 
@@ -12,25 +12,25 @@ from pathlib import Path
 
 import numpy as np
 
-from surfsup.datasets.folder import LOCK, locked
-from surfsup.datasets.generation.checked_simulation import Run, simulate_sound
-from surfsup.datasets.generation.scene_sampler import Drawing
-from surfsup.datasets.generation.worker_pool import Crew, crew, while_wanted
+from surfsup.datasets.folder import LOCK, lock_folder
+from surfsup.datasets.generation.checked_simulation import CheckedSimulation, simulate_valid_scene
+from surfsup.datasets.generation.scene_sampler import SceneSampler
+from surfsup.datasets.generation.worker_pool import WorkerPool, open_worker_pool, until_canceled
 from surfsup.errors import InputError
 from surfsup.scene import Scene
 
-SURFACES = 100  # of a recipe that keeps its surfaces in files; the scenes take turns with them
+SURFACE_COUNT = 100  # surfaces that a recipe keeps in files; the scenes take them one after the other
 
 
 @dataclass(frozen=True)
-class Simulated:
+class SimulatedScene:
     """A finished simulation in memory.
 
     Attributes:
         index: of the scene in the stream.
-        scene: what was simulated.
+        scene: the scene.
         positions: (frames, N, 3) float32, meters.
-        velocities: the same in m/s, at the end of each frame.
+        velocities: (frames, N, 3) float32 in m/s, at the end of each frame.
     """
 
     index: int
@@ -39,7 +39,7 @@ class Simulated:
     velocities: np.ndarray
 
     def __len__(self) -> int:
-        """The number of frames."""
+        """Number of frames."""
         return len(self.positions)
 
     def window(self, first: int, count: int) -> tuple[np.ndarray, np.ndarray]:
@@ -47,42 +47,41 @@ class Simulated:
         return self.positions[first : first + count], self.velocities[first : first + count]
 
 
-class Stream:
-    """An endless iterator of simulations, in the order in which they get done; no scene comes twice.
+class SimulationStream:
+    """An endless iterator over simulations, in the order in which they finish. No scene occurs twice.
 
-    Never more than ``ahead`` of them are under way or waiting to be read, which bounds the memory. Reading one starts
-    the next.
+    At most ``max_pending`` simulations run or wait at a time, which bounds the memory. Taking one starts the next.
     """
 
-    def __init__(self, drawing: Drawing, doers: Crew, ahead: int) -> None:
-        """Start the first ``ahead`` simulations."""
-        self._drawing, self._doers = drawing, doers
-        self._done: queue.SimpleQueue[Future[Simulated]] = queue.SimpleQueue()
+    def __init__(self, sampler: SceneSampler, pool: WorkerPool, max_pending: int) -> None:
+        """Start the first ``max_pending`` simulations."""
+        self._sampler, self._pool = sampler, pool
+        self._done: queue.SimpleQueue[Future[SimulatedScene]] = queue.SimpleQueue()
         self._index = 0
-        for _ in range(ahead):
+        for _ in range(max_pending):
             self._start_next()
 
     def _start_next(self) -> None:
-        self._doers.submit(simulate_in_memory, self._drawing, self._index).add_done_callback(self._done.put)
+        self._pool.submit(simulate_in_memory, self._sampler, self._index).add_done_callback(self._done.put)
         self._index += 1
 
-    def __iter__(self) -> Iterator[Simulated]:
-        """Itself."""
+    def __iter__(self) -> Iterator[SimulatedScene]:
+        """The stream itself."""
         return self
 
-    def __next__(self) -> Simulated:
-        """The next simulation to be done; waits for it.
+    def __next__(self) -> SimulatedScene:
+        """Wait for the next finished simulation.
 
         Raises:
-            SimulationError: no sound scene could be found for an index, or the scheduler was lost.
+            SimulationError: no valid scene was found for an index, or the scheduler was lost.
         """
-        return self._take(self._doers.next_of(self._done))
+        return self._take(self._pool.wait_for(self._done))
 
-    def ready(self) -> list[Simulated]:
-        """All simulations that are done; waits for none.
+    def finished(self) -> list[SimulatedScene]:
+        """All finished simulations, without waiting.
 
         Raises:
-            SimulationError: as reading them one by one does.
+            SimulationError: as for the iterator.
         """
         simulations = []
         with suppress(queue.Empty):
@@ -90,55 +89,56 @@ class Stream:
                 simulations.append(self._take(self._done.get_nowait()))
         return simulations
 
-    def _take(self, done: Future[Simulated]) -> Simulated:
+    def _take(self, done: Future[SimulatedScene]) -> SimulatedScene:
         simulated = done.result()
         self._start_next()
         return simulated
 
 
 @contextmanager
-def stream(
+def open_stream(
     recipe: str,
     folder: Path,
     seed: int = 0,
     frames: int | None = None,
     workers: int | None = None,
     scheduler: str | None = None,
-    ahead: int | None = None,
-) -> Iterator[Stream]:
-    """Simulations of ``recipe`` without end; leaving the context stops the workers.
+    max_pending: int | None = None,
+) -> Iterator[SimulationStream]:
+    """An endless stream of simulations of ``recipe``. The workers stop at the end of the context.
 
     Args:
-        recipe: which scenes.
-        folder: for the files of surfaces where the recipe has some. Only then all workers must see it under this path;
-            simulations come back through the scheduler.
-        seed: with a scene's number it decides everything about the scene.
-        frames: of every scene; left out, as many as the recipe says.
+        recipe: name of the recipe.
+        folder: for the recipe's surface files. All workers must share it under this path if there are any; the
+            simulations themselves return through the scheduler.
+        seed: determines each scene, together with the scene's index.
+        frames: number of frames of every scene; the recipe's own by default.
         workers: simulations side by side on this machine, each on one core; 2 by default.
-        scheduler: address of a dask scheduler whose workers do it instead.
-        ahead: simulations under way or waiting at most; two for each that can run at once by default.
+        scheduler: address of a dask scheduler to use instead.
+        max_pending: limit of simulations that run or wait; by default twice the number that run side by side.
 
     Raises:
-        InputError: no such recipe, ``ahead`` is not above zero, or there are no workers that can do it.
+        InputError: the recipe does not exist, ``max_pending`` is below 1, or the workers cannot do the work.
     """
-    if ahead is not None and ahead < 1:
-        raise InputError(f"asked to be {ahead} simulations ahead; there must be at least 1")
+    if max_pending is not None and max_pending < 1:
+        raise InputError(f"max_pending is {max_pending}, but must be at least 1")
     folder = folder.resolve()
-    drawing = Drawing(recipe, seed, frames, folder)
-    with crew(workers, scheduler) as doers, locked(folder) as token:
-        drawing.prepare(None, SURFACES)
+    sampler = SceneSampler(recipe, seed, frames, folder)
+    with open_worker_pool(workers, scheduler) as pool, lock_folder(folder) as token:
+        sampler.prepare(None, SURFACE_COUNT)
         has_files = os.listdir(folder) != [LOCK]
-        doers.require(folder if has_files else None, token)
-        yield Stream(drawing, doers, ahead or 2 * doers.slots)
+        pool.check_workers(folder if has_files else None, token)
+        yield SimulationStream(sampler, pool, max_pending or 2 * pool.slots)
 
 
-def simulate_in_memory(drawing: Drawing, index: int) -> Simulated:
+def simulate_in_memory(sampler: SceneSampler, index: int) -> SimulatedScene:
     """Simulate scene ``index``."""
 
-    def keep(run: Run) -> Simulated:
-        positions, velocities = np.empty((2, run.scene.frames, run.particles, 3), dtype=np.float32)
-        for frame, (now, speed) in enumerate(while_wanted(iter(run))):
-            positions[frame], velocities[frame] = now, speed
-        return Simulated(index, run.scene, positions, velocities)
+    def collect(simulation: CheckedSimulation) -> SimulatedScene:
+        shape = (simulation.scene.frames, simulation.particles, 3)
+        positions, velocities = np.empty(shape, np.float32), np.empty(shape, np.float32)
+        for number, frame in enumerate(until_canceled(iter(simulation))):
+            positions[number], velocities[number] = frame
+        return SimulatedScene(index, simulation.scene, positions, velocities)
 
-    return simulate_sound(drawing, index, keep)
+    return simulate_valid_scene(sampler, index, collect)

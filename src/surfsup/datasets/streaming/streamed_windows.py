@@ -1,4 +1,4 @@
-"""Training windows of simulations that come in while training goes on."""
+"""Training windows of simulations that arrive while training runs."""
 
 from __future__ import annotations
 
@@ -9,67 +9,68 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from surfsup.datasets.streaming.stream import Simulated, Stream, stream
-from surfsup.datasets.windows import Window, draw_window
-from surfsup.sph.state import Environment
+from surfsup.datasets.streaming.stream import SimulatedScene, SimulationStream, open_stream
+from surfsup.datasets.windows import Window, sample_window
+from surfsup.sph.environment import Environment
 
-POOL = 32  # simulations: 1.6 GB at 2,600 particles and 800 frames
+BUFFER_SIZE = 32  # simulations: 1.6 GB at 2,600 particles and 800 frames
 
 
 class StreamedWindows:
     """Random windows of the last simulations of a stream.
 
-    The pool grows to its size and then loses its oldest simulation to each new one. Which are there depends on how
-    fast the workers are, so unlike with a folder the same seed does not give the same windows.
+    A buffer holds the last simulations; when it is full, each new one replaces the oldest. Its contents depend on the
+    speed of the workers, so the same seed does not give the same windows.
     """
 
-    def __init__(self, stream: Stream, size: int = POOL, device: torch.device | str = "cpu") -> None:
-        """Wait for the first simulation of ``stream``; keep the last ``size`` of them, windows lie on ``device``.
+    def __init__(self, stream: SimulationStream, size: int = BUFFER_SIZE, device: torch.device | str = "cpu") -> None:
+        """Wait for the first simulation of ``stream``; keep the last ``size``, with windows on ``device``.
 
         Raises:
-            SimulationError: no scene could be simulated, or the scheduler was lost.
+            SimulationError: no valid scene was found for an index, or the scheduler was lost.
         """
         self._stream, self._device = stream, device
-        self._pool: deque[tuple[Simulated, Environment]] = deque(maxlen=size)
+        self._buffer: deque[tuple[SimulatedScene, Environment]] = deque(maxlen=size)
         self._add(next(stream))
 
-    def _add(self, simulated: Simulated) -> None:
+    def _add(self, simulated: SimulatedScene) -> None:
         environment = Environment.of(simulated.scene, simulated.scene.build_surface(), self._device)
-        self._pool.append((simulated, environment))
+        self._buffer.append((simulated, environment))
 
     def __len__(self) -> int:
-        """The number of simulations in the pool."""
-        return len(self._pool)
+        """Number of simulations in the buffer."""
+        return len(self._buffer)
 
-    def draw(self, random: np.random.Generator, past: int, frames: int, starts: float = 0.0) -> Window:
-        """A window of ``past`` frames, the present one and ``frames`` more, of a random scene, time and symmetry.
-
-        Of all windows the share ``starts`` begins where its scene does. What has come in is taken into the pool before;
-        this waits for nothing.
+    def sample(
+        self, random: np.random.Generator, history_length: int, frames: int, scene_starts: float = 0.0
+    ) -> Window:
+        """As :meth:`surfsup.datasets.windows.WindowSource.sample`; first add finished simulations to the buffer.
 
         Raises:
-            InputError: the scene is too short for such a window.
-            SimulationError: no scene could be simulated, or the scheduler was lost.
+            InputError: the scene is too short for the window.
+            SimulationError: no valid scene was found for an index, or the scheduler was lost.
         """
-        for simulated in self._stream.ready():
+        for simulated in self._stream.finished():
             self._add(simulated)
-        simulated, environment = self._pool[int(random.integers(len(self)))]
+        simulated, environment = self._buffer[int(random.integers(len(self)))]
         name = f"scene {simulated.index} of the stream"
-        return draw_window(simulated, simulated.scene, name, environment, random, past, frames, starts)
+        return sample_window(
+            simulated, simulated.scene, name, environment, random, history_length, frames, scene_starts
+        )
 
 
 def stream_for_training(
     recipe: str, run: Path, entropy: list[int], workers: int | None = None, scheduler: str | None = None
-) -> AbstractContextManager[Stream]:
+) -> AbstractContextManager[SimulationStream]:
     """The stream of scenes for the training run in the folder ``run``.
 
     Args:
-        recipe: which scenes.
-        run: whose folder ``stream`` keeps the files of surfaces, where the recipe has some.
-        entropy: seed and step of the run, so that a resumed one goes on with other scenes. They are hashed to a seed
-            that no data set made with a small number has.
+        recipe: name of the recipe.
+        run: folder of the run; its subfolder ``stream`` holds the recipe's surface files.
+        entropy: seed and step of the run, so that a resumed run gets other scenes. A hash of them is the stream's seed,
+            which differs from the small seeds of data sets.
         workers: simulations side by side on this machine; 2 by default.
-        scheduler: address of a dask scheduler whose workers do it instead.
+        scheduler: address of a dask scheduler to use instead.
     """
     seed = int(np.random.SeedSequence(entropy).generate_state(1)[0])
-    return stream(recipe, run / "stream", seed, workers=workers, scheduler=scheduler)
+    return open_stream(recipe, run / "stream", seed, workers=workers, scheduler=scheduler)
