@@ -32,14 +32,15 @@ from typing import Any
 from record import write_result
 from surfsup.scene import FRAME_TIME, Scene
 from surfsup.sph.boundary.scene_boundaries import scene_volume_maps
-from surfsup.splishsplash.job_files import STEPS_PER_FRAME, write_job
+from surfsup.sph.state import SUBSTEPS
+from surfsup.splishsplash.job_files import write_job
 
 Timing = tuple[float, float]  # wall-clock and processor milliseconds of a frame
 CFL = 1  # number of the adaptive step in SPlisHSPlasH
 SPACING, LAYERS = 0.03, 14
 RADIUS = 0.3  # meters, of the ball
 EXTENT = 2 * RADIUS
-DEFAULT = "dfsph"
+DEFAULT = DEFAULT_SIMULATOR
 MESH = Path(__file__).parent.parent / "examples" / "knot.obj"
 SURFACES: dict[str, dict[str, Any]] = {
     "ball": {"sphere": {"radius": RADIUS}, "at": [0, 0, RADIUS]},
@@ -78,7 +79,7 @@ def time_surfsup(scene: Scene, simulator_name: str, use_native: bool) -> Timing:
     """A rollout that is written frame by frame, in this process."""
     from surfsup import native
     from surfsup.io.trajectory import Provenance, TrajectoryWriter
-    from surfsup.learned.registry import load_simulator
+    from surfsup.learned.loading import load_simulator
     from surfsup.simulation import simulate
 
     if not use_native:
@@ -130,7 +131,7 @@ def time_splishsplash(scene: Scene, adaptive: bool) -> Timing:
 
         def after_step() -> None:
             # The first frame includes the set-up.
-            if not began and library.TimeManager.getCurrent().getTime() > FRAME_TIME * (1 - 0.5 / STEPS_PER_FRAME):
+            if not began and library.TimeManager.getCurrent().getTime() > FRAME_TIME * (1 - 0.5 / SUBSTEPS):
                 began.extend([library.TimeManager.getCurrent().getTime(), time.perf_counter(), time.process_time()])
 
         base.setTimeStepCB(after_step)

@@ -25,7 +25,8 @@ import numpy as np
 
 from surfsup.io.trajectory import Trajectory
 from surfsup.sph.boundary.scene_boundaries import scene_volume_maps
-from surfsup.splishsplash.job_files import STEPS_PER_FRAME, write_job
+from surfsup.sph.state import SUBSTEPS
+from surfsup.splishsplash.job_files import write_job
 
 RECIPE, SEED = "prim-shapes", "11"
 WINDOW = 6  # frames
@@ -60,7 +61,7 @@ def step_only(scene_file: str, steps: int) -> None:
 
 def bare_seconds(job: Path, frames: int) -> float:
     """Seconds that the bare steps of one scene take, with whatever else runs beside."""
-    steps = (frames - 1) * STEPS_PER_FRAME
+    steps = (frames - 1) * SUBSTEPS
     command = [sys.executable, __file__, "--step-only", str(job), str(steps)]
     environment = {**os.environ, "OMP_NUM_THREADS": "1", "OMP_WAIT_POLICY": "passive"}
     done = subprocess.run(

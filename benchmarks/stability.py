@@ -22,13 +22,13 @@ import torch
 from record import write_result
 from surfsup.datasets.generation.scene_sampler import SceneSampler
 from surfsup.evaluation.rollout import until_diverged
-from surfsup.learned.registry import load_simulator
+from surfsup.learned.loading import load_simulator
 from surfsup.scene import Scene
+from surfsup.sph.environment import Environment
 from surfsup.sph.simulator import Simulator
-from surfsup.sph.state import Environment
 
 RECIPES = ("prim-shapes", "prim-unions", "funnels", "bowls", "chairs", "assorted")
-DEFAULT = "dfsph"
+DEFAULT = DEFAULT_SIMULATOR
 
 
 @torch.no_grad()

@@ -23,8 +23,8 @@ import numpy as np
 import torch
 
 from surfsup.datasets.generation.scene_sampler import SceneSampler
-from surfsup.datasets.recipes.chairs import FIT, WIDEST
-from surfsup.datasets.recipes.placement import box_corners, stand
+from surfsup.datasets.recipes.chairs import FIT, MAX_WIDTH
+from surfsup.datasets.recipes.placement import bounding_box_corners, place_on_floor
 from surfsup.datasets.recipes.water import block_above
 from surfsup.learned.message_passing.architecture import SIZES, MessagePassingArchitecture
 from surfsup.learned.message_passing.gns import Gns, GnsArchitecture
@@ -33,7 +33,7 @@ from surfsup.learned.message_passing.simulator import MessagePassingSimulator
 from surfsup.learned.message_passing.surfsup import Surfsup
 from surfsup.scene import Container, Scene, Shape
 from surfsup.scene.shapes import DeepSdfShape
-from surfsup.sph.state import Environment
+from surfsup.sph.environment import Environment
 from surfsup.splishsplash import solver
 
 SEED = 3
@@ -46,8 +46,8 @@ def neural_chair() -> Scene:
     container = Container()
     solid = Shape(deepsdf=DeepSdfShape(file=Path("chairs"), shape="chair-0100", fit=FIT))
     random = np.random.default_rng(SEED)
-    solid, top = stand(solid, box_corners(solid.surface()), WIDEST, container, random)
-    return Scene(container=container, surface=solid, fluid=block_above(top[:2], top[2], container, random))
+    solid, top = place_on_floor(solid, bounding_box_corners(solid.surface()), MAX_WIDTH, container, random)
+    return Scene(container=container, surface=solid, fluid=[block_above(top[:2], top[2], container, random)])
 
 
 SCENES: dict[str, Callable[[], Scene]] = {
