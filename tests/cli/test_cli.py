@@ -108,7 +108,7 @@ def test_an_evaluation_writes_a_report_and_its_rollout_can_be_compared_again(tmp
         (["simulate"], "Missing argument"),
         (["simulate", "nothing.obj"], "nothing.obj"),
         (["simulate", "SCENE", "--frames", "0"], "greater than or equal to 1"),
-        (["simulate", "SCENE", "--simulator", "absent"], "there is no simulator 'absent'"),
+        (["simulate", "SCENE", "--simulator", "absent"], "there is no model 'absent'"),
         (["simulate", "SCENE", "--fit", "0.7"], "a scene file places everything itself; omit --fit"),
         (["simulate", "SCENE", "--no-fit"], "a scene file places everything itself; omit --no-fit"),
         (["simulate", "SCENE", "--up", "w"], "Invalid value for '--up'"),
@@ -123,7 +123,7 @@ def test_an_evaluation_writes_a_report_and_its_rollout_can_be_compared_again(tmp
         (["train", "sursup", "--data", ".", "--validation", ".", "-o", "run"], "did you mean 'surfsup'"),
         (["train", "surfsup", "--data", "OTHER", "--validation", ".", "-o", "run"], "0.015 m, so take other data"),
         (["evaluate", "dfsph", "OTHER", "-o", "report"], "0.015 m, so take other data"),
-        (["evaluate", "old.safetensors", "OTHER", "-o", "report"], "not weights of a simulator of this version"),
+        (["evaluate", "old.safetensors", "OTHER", "-o", "report"], "is weights format 'surfsup-simulator-2' of another version"),
         (["compare", "OTHER/00000.h5", "OTHER/00000.h5"], "0.015 m, so take other data"),
         (["evaluate", "dfsph", ".", "--frames", "0"], "greater than or equal to 1"),
         (["train", "surfsup", "--data", ".", "--validation", ".", "-o", "run", "--time", "soon"], "length of time"),
@@ -181,7 +181,7 @@ def test_without_collisions_an_evaluation_has_its_own_folder_and_unknown_data_ca
     )
     assert done.returncode == 0, done.stderr
     assert "falls: 2 scenes, no floor" in done.stdout
-    assert "surfsup without collision handling, the first 5 frames" in done.stdout
+    assert "'surfsup' without collision handling, the first 5 frames" in done.stdout
     assert done.stderr.count("warning: falls: the weights were not trained for a surface of kind 'sphere' (2 of 2") == 1
     assert done.stderr.count("warning") == 1
     report = json.loads((tmp_path / "out/report-surfsup-no-collisions/report.json").read_text())

@@ -34,7 +34,7 @@ def test_water_is_poured_on_the_network_of_a_mesh(ball, tmp_path):
     assert surface.about["options"]["seed"] == 0
     again = surfsup("fit", "siren", ball, "-o", out, *TINY)
     assert again.returncode == 2
-    assert "go on with --resume" in again.stderr
+    assert "continue it with --resume" in again.stderr
     water = tmp_path / "water"
     poured = surfsup("simulate", out, "-o", water, "--frames", 5, "--no-video", "--no-page")
     assert poured.returncode == 0, poured.stderr

@@ -59,5 +59,5 @@ def test_a_signal_stops_the_run_and_keeps_its_checkpoint(tmp_path):
         time.sleep(0.2)
     process.send_signal(signal.SIGINT)
     _, told = process.communicate(timeout=60)
-    assert process.returncode == 130 and "what was finished is kept" in told
+    assert process.returncode == 130 and "finished work is kept" in told
     assert (tmp_path / "checkpoint.safetensors").exists()

@@ -1,14 +1,15 @@
-"""`surfsup design`: optimize the shape of a vessel for what the water should do."""
+"""`surfsup design`: optimize the shape of a vessel for where the water goes."""
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from surfsup.cli.options import Seed
-from surfsup.cli.progress import progress_bar
+from surfsup.cli.options import Resume, Seed
+from surfsup.cli.progress import ProgressBar, progress_bar
 from surfsup.cli.status import INTERRUPTED
 
 if TYPE_CHECKING:
@@ -17,27 +18,36 @@ if TYPE_CHECKING:
 
 
 def design(
-    task: Annotated[str, typer.Argument(metavar="bowl|funnel|latent", help="What to design.")],
+    task: Annotated[str, typer.Argument(metavar="bowl|funnel|latent", help="The shape to optimize.")],
     out: Annotated[Path, typer.Option("-o", "--out", help="Output folder.")],
     start: Annotated[
-        list[str] | None, typer.Option(help="Initial radii R1,R2 in meters; if repeated, each start gets a folder.")
+        list[str] | None, typer.Option(help="Initial radii R1,R2 in meters; repeatable, with a folder per start.")
     ] = None,
     deepsdf: Annotated[
-        Path | None, typer.Option(help="For latent: a network of `surfsup fit deepsdf`; default: shipped chairs.")
+        Path | None, typer.Option(help="For latent: a file of 'surfsup fit deepsdf'; chairs by default.")
     ] = None,
-    shape: Annotated[str | None, typer.Option("--shape", help="For latent: the initial shape.")] = None,
-    iterations: Annotated[int, typer.Option(min=1, help="Maximum number of steps.")] = 100,
-    frames: Annotated[int | None, typer.Option(min=1, help="Frames of a rollout; default: the paper's.")] = None,
-    smooth: Annotated[float, typer.Option(min=0, help="Random shift of the water's start in meters.")] = 0.0,
+    shape: Annotated[str | None, typer.Option(help="For latent: name of the initial shape.")] = None,
+    iterations: Annotated[int, typer.Option(min=1, help="Maximum number of gradient steps.")] = 100,
+    frames: Annotated[
+        int | None, typer.Option(min=1, help="Frames of a rollout; 50 by default, 75 for funnel.")
+    ] = None,
+    smoothing: Annotated[
+        float,
+        typer.Option(
+            "--smooth", min=0, help="Shift the water's start at random by this many meters in each iteration."
+        ),
+    ] = 0.0,
     seed: Seed = 0,
-    resume: Annotated[bool, typer.Option("--resume", help="Continue the run in the folder.")] = False,
+    resume: Resume = False,
     baselines: Annotated[bool, typer.Option("--baselines", help="Compare with CMA-ES and random search.")] = False,
     no_verification: Annotated[
-        bool, typer.Option("--no-verification", help="Do not run the designs in the reference solver.")
+        bool, typer.Option("--no-verification", help="Omit the verification in the reference solver.")
     ] = False,
-    no_video: Annotated[bool, typer.Option("--no-video", help="Do not render the video.")] = False,
+    no_video: Annotated[bool, typer.Option("--no-video", help="Omit the video.")] = False,
 ) -> None:
-    """Optimize the shape of a vessel by gradients, and verify it in the reference solver.
+    """Optimize a shape by gradients through the solver.
+
+    The reward of a task says where the water should go. The reference solver verifies the best design.
 
     Example: surfsup design bowl -o out/bowl
     """
@@ -53,16 +63,13 @@ def design(
         require_graphics()
     if not no_verification:
         solver.check_installed()
+    tasks = tasks_from_options(task, out, start, frames, deepsdf, shape)
     runs: list[DesignRun] = []
     with Stop() as stop:
-        for folder, each in tasks_from_options(task, out, start, frames, deepsdf, shape):
+        for folder, design_task in tasks:
             with progress_bar(folder.name) as bar:
-
-                def report(progress: Progress) -> None:
-                    bar.description = f"reward {progress.reward:.4f} at {progress.values}"
-                    bar(progress.iteration, progress.iterations, progress.seconds_left)
-
-                run = optimize(each, folder, iterations, smooth, seed, resume, stop, report)
+                report = partial(show_progress, bar)
+                run = optimize(design_task, folder, iterations, smoothing, seed, resume, stop, report)
             if not run.done:
                 raise typer.Exit(INTERRUPTED)
             runs.append(run)
@@ -72,8 +79,14 @@ def design(
         typer.echo(f"all starts    {plot_runs(runs, out / 'starts.png')}")
 
 
+def show_progress(bar: ProgressBar, progress: Progress) -> None:
+    """Show the progress of a run on the bar."""
+    bar.description = f"reward {progress.reward:.4f}, {progress.values}"
+    bar(progress.iteration, progress.iterations, progress.seconds_left)
+
+
 def finish(run: DesignRun, baselines: bool, no_verification: bool, no_video: bool) -> None:
-    """Write plots, shapes, verification and video of a finished run, and print the results."""
+    """Write plot, shapes, verification and video of a finished run, and print its results."""
     from surfsup.design.baselines import compare_with_baselines
     from surfsup.design.history import PATIENCE
     from surfsup.design.plots import plot_runs
@@ -85,13 +98,13 @@ def finish(run: DesignRun, baselines: bool, no_verification: bool, no_video: boo
     folder, best = run.folder, run.designs[run.best]
     typer.echo(f"{run.task.name}: reward {run.rewards[0]:.4f} at {format_values(run.designs[0])}")
     if run.converged:
-        typer.echo(f"  converged after {len(run.rewards)} designs: no improvement in the last {PATIENCE}")
+        typer.echo(f"  converged after {len(run.rewards)} designs: the last {PATIENCE} improved nothing")
     typer.echo(f"  best  {run.rewards[run.best]:.4f} at {format_values(best)}, iteration {run.best}")
     typer.echo(f"  last  {run.rewards[-1]:.4f} at {format_values(run.designs[-1])}")
     if (remedy := run.remedy()) is not None:
         typer.echo(remedy)
     files = write_shape(run.task.surface(best, run.task.initial_state()), folder, "best")
-    typer.echo(f"shape         {', '.join(str(file) for file in files)}")
+    typer.echo(f"shape         {', '.join(map(str, files))}")
     typer.echo(f"plot          {plot_runs([run], folder / 'history.png')}")
     if not no_verification:
         with progress_bar("verifying in the reference solver") as bar:
