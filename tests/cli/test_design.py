@@ -58,6 +58,6 @@ def test_a_signal_stops_the_run_and_keeps_its_checkpoint(tmp_path):
     while not (tmp_path / "history.csv").exists() and time.monotonic() < deadline:
         time.sleep(0.2)
     process.send_signal(signal.SIGINT)
-    _, told = process.communicate(timeout=60)
-    assert process.returncode == 130 and "finished work is kept" in told
+    _, errors = process.communicate(timeout=60)
+    assert process.returncode == 130 and "finished work is kept" in errors
     assert (tmp_path / "checkpoint.safetensors").exists()

@@ -7,12 +7,12 @@ import pytest
 import torch
 
 from surfsup.io.output_folder import count_penetrations
-from surfsup.learned import weights_file
-from surfsup.learned.registry import KINDS
+from surfsup.learned.base import LearnedSimulator
+from surfsup.learned.loading import DEFAULT_SIMULATOR, load_simulator
+from surfsup.learned.registry import LEARNED_SIMULATORS
 from surfsup.scene import Scene
 from surfsup.simulation import simulate
-from surfsup.sph.simulator import Simulator
-from surfsup.sph.state import Environment
+from surfsup.sph.environment import Environment
 from tests.learned.simulated_gpu import simulated_gpu
 
 KNOT = Path(__file__).parents[2] / "examples" / "knot.obj"
@@ -36,22 +36,22 @@ SURFACES = {
 FRAMES = 12  # the water has struck the surface
 
 
-def scene(surface: str) -> Scene:
+def make_scene(surface: str) -> Scene:
     text = f"surface: {surface}\nframes: {FRAMES}\nfluid: [{{block: {{min: [-0.1, -0.1, 0.42], max: [0.1, 0.1, 0.52], "
     return Scene.from_yaml(text + "velocity: [0, 0, -3]}}]", "test")
 
 
-def model_of(kind: str) -> Simulator:
+def make_simulator(kind: str) -> LearnedSimulator:
     torch.manual_seed(0)
-    return KINDS[kind](KINDS[kind].architecture_type())
+    return LEARNED_SIMULATORS[kind](LEARNED_SIMULATORS[kind].architecture_type())
 
 
-def rollout(poured: Scene, device: str) -> list[np.ndarray]:
+def rollout(scene: Scene, device: str) -> list[np.ndarray]:
     """The frames of the default simulator; each is checked against the surface on the CPU, as the command line does."""
-    solid, (model, _) = poured.build_surface(), weights_file.load(weights_file.find(weights_file.DEFAULT_MODEL))
+    surface, (simulator, _) = scene.build_surface(), load_simulator(DEFAULT_SIMULATOR)
     frames = []
-    for positions, _ in simulate(model, poured, solid, poured.initial_particles(solid), device):
-        assert count_penetrations(poured.container, solid, positions) == (0, 0)
+    for positions, _ in simulate(simulator, scene, surface, scene.initial_particles(surface), device):
+        assert count_penetrations(scene.container, surface, positions) == (0, 0)
         frames.append(positions)
     return frames
 
@@ -60,27 +60,27 @@ def rollout(poured: Scene, device: str) -> list[np.ndarray]:
 def test_the_default_simulator_on_any_surface(surface, tmp_path):
     terrain = tmp_path / "terrain.npy"
     np.save(terrain, np.outer(*2 * [np.hanning(20)]))
-    poured = scene(SURFACES[surface].replace(TERRAIN, str(terrain)))
+    scene = make_scene(SURFACES[surface].replace(TERRAIN, str(terrain)))
     with torch.no_grad():
-        expected = rollout(poured, "cpu")
+        expected = rollout(scene, "cpu")
         with simulated_gpu() as gpu:
-            found = rollout(poured, str(gpu))
+            found = rollout(scene, str(gpu))
     # Rounding errors grow from the impact on, to less than a millimeter.
     np.testing.assert_allclose(np.stack(found), np.stack(expected), atol=1e-3, rtol=0)
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", LEARNED_SIMULATORS)
 def test_every_learned_simulator_and_its_gradients(kind):
-    poured = scene(SURFACES["ball"])
+    scene = make_scene(SURFACES["ball"])
 
     def run(device: str) -> tuple[torch.Tensor, list[torch.Tensor]]:
-        model, environment = model_of(kind).to(device), Environment.of(poured, poured.build_surface(), device)
-        start = poured.initial_particles(poured.build_surface())
+        simulator, environment = make_simulator(kind).to(device), Environment.of(scene, scene.build_surface(), device)
+        start = scene.initial_particles(scene.build_surface())
         positions = torch.from_numpy(start.positions - [0, 0, 0.05]).float().to(device)
-        state = model.start(positions, torch.from_numpy(start.velocities).to(device), environment)
-        after, _ = model.step(state, environment)
+        state = simulator.initial_state(positions, torch.from_numpy(start.velocities).to(device), environment)
+        after, _ = simulator.step(state, environment)
         torch.autograd.backward(after.velocities.square().sum())
-        gradients = [weight.grad.cpu() for weight in model.parameters() if weight.grad is not None]
+        gradients = [weight.grad.cpu() for weight in simulator.parameters() if weight.grad is not None]
         return after.positions.detach().cpu(), gradients
 
     positions, gradients = run("cpu")

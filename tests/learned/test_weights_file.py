@@ -8,15 +8,16 @@ from safetensors.torch import load_file, save_file
 
 from surfsup.errors import InputError
 from surfsup.learned import weights_file
-from surfsup.learned.corrected.simulator import Architecture, CorrectedSimulator
+from surfsup.learned.message_passing.architecture import MessagePassingArchitecture
+from surfsup.learned.message_passing.no_sdf import NoSdf
 
-ARCHITECTURE = Architecture(width=8, layers=3, radius=0.05)
+ARCHITECTURE = MessagePassingArchitecture(width=8, layers=3, radius=0.05)
 
 
 @pytest.fixture
-def simulator() -> CorrectedSimulator:
+def simulator() -> NoSdf:
     torch.manual_seed(3)
-    return CorrectedSimulator(ARCHITECTURE)
+    return NoSdf(ARCHITECTURE)
 
 
 @pytest.fixture
@@ -29,7 +30,7 @@ def path(tmp_path, simulator) -> Path:
 def header(**changes: str) -> dict[str, str]:
     card = json.dumps({"name": "a", "about": "b"})
     sizes = json.dumps({"width": 8, "layers": 3, "radius": 0.05})
-    return {"format": weights_file.FORMAT, "architecture": sizes, "card": card, **changes}
+    return {"format": weights_file.FORMAT, "kind": NoSdf.kind, "architecture": sizes, "card": card, **changes}
 
 
 def error_of(path: Path) -> str:
@@ -125,6 +126,11 @@ def test_a_header_that_does_not_fit_is_refused_in_one_line(path, changes):
     assert "do not fit" in error_of(path)
 
 
+def test_the_header_of_these_tests_fits_without_changes(path):
+    save_file(load_file(path), path, metadata=header())
+    assert weights_file.load(path)[0].architecture == ARCHITECTURE
+
+
 def test_a_header_without_its_entries_is_refused_in_one_line(path):
     save_file(load_file(path), path, metadata={"format": weights_file.FORMAT})
     assert "do not fit" in error_of(path)
@@ -144,10 +150,10 @@ def test_tensors_of_another_shape_or_number_are_refused_in_one_line(path):
 
 
 def test_a_model_is_found_by_its_name_or_by_its_file(path, monkeypatch):
-    monkeypatch.setattr(weights_file, "shipped", lambda: {"fast": Path("the/shipped/one")})
-    assert weights_file.find("fast") == Path("the/shipped/one")
+    monkeypatch.setattr(weights_file, "shipped", lambda: {"surfsup": Path("the/shipped/one")})
+    assert weights_file.find("surfsup") == Path("the/shipped/one")
     assert weights_file.find(str(path)) == path
-    with pytest.raises(InputError, match="no model 'secnd'; shipped are fast"):
+    with pytest.raises(InputError, match="no model 'secnd'; shipped are surfsup"):
         weights_file.find("secnd")
 
 

@@ -48,7 +48,7 @@ class TrainingDomain:
             sides=(min(x, y), max(x, y)),
             heights=(z, z),
             particles=(particles, particles),
-            surfaces=(scene.surface.kind if scene.surface else "none",),
+            surfaces=(scene.surface_kind,),
             gravity=(magnitude, magnitude),
             max_tilt=tilt,
             max_speed=max_speed,
@@ -102,7 +102,7 @@ class TrainingDomain:
         """The surface of ``scene`` if training had none of its kind, else nothing."""
         if scene.surface is None:
             return [] if "none" in self.surfaces else ["a container without a surface"]
-        return [] if scene.surface.kind in self.surfaces else [f"a surface of kind '{scene.surface.kind}'"]
+        return [] if scene.surface_kind in self.surfaces else [f"a surface of kind '{scene.surface_kind}'"]
 
     def differences(self, scene: Scene) -> list[str]:
         """The properties of ``scene`` outside the training data, except the kind of its surface."""

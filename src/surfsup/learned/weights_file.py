@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 from dataclasses import asdict, dataclass
 from importlib.resources import files
 from pathlib import Path
@@ -14,13 +13,12 @@ from safetensors.torch import save_file
 from torch import Tensor
 
 from surfsup.errors import InputError
-from surfsup.learned.registry import KINDS
+from surfsup.learned.base import Architecture, LearnedSimulator
+from surfsup.learned.registry import LEARNED_SIMULATORS
 from surfsup.learned.training_domain import TrainingDomain
-from surfsup.sph.simulator import Simulator, Sizes
 
 FORMAT = "surfsup-simulator-5"
 FORMAT_FAMILY = "surfsup-simulator-"
-DEFAULT_MODEL = "fast"
 
 
 @dataclass(frozen=True)
@@ -50,7 +48,7 @@ class Card:
         return cls(**{**data, "training_domain": None if domain is None else TrainingDomain.from_json(domain)})
 
 
-def save(path: Path, simulator: Simulator, card: Card) -> None:
+def save(path: Path, simulator: LearnedSimulator, card: Card) -> None:
     """Write the weights and their card to ``path``. An existing file is replaced only once all is written."""
     header = {
         "format": FORMAT,
@@ -63,7 +61,7 @@ def save(path: Path, simulator: Simulator, card: Card) -> None:
     partial.replace(path)
 
 
-def load(path: Path) -> tuple[Simulator, Card]:
+def load(path: Path) -> tuple[LearnedSimulator[Any], Card]:
     """The simulator with the weights in ``path``, ready for rollouts, and its card.
 
     Raises:
@@ -76,11 +74,11 @@ def load(path: Path) -> tuple[Simulator, Card]:
         with safe_open(path, framework="pt") as file:
             header = file.metadata() or {}
             check_format(path, header.get("format"))
-            kind = KINDS.get(header["kind"])
+            kind = LEARNED_SIMULATORS.get(header["kind"])
             if kind is None:
                 raise InputError(
                     f"{path}: contains weights of kind '{header['kind']}', which this version does not know; "
-                    f"known kinds are {', '.join(KINDS)}"
+                    f"known kinds are {', '.join(LEARNED_SIMULATORS)}"
                 )
             names = file.keys()  # the file itself is not a mapping
             tensors = {name: file.get_tensor(name) for name in names}
@@ -121,7 +119,7 @@ def check_format(path: Path, found: str | None) -> None:
         raise InputError(f"{path}: contains '{found or 'something else'}', not weights of a simulator ('{FORMAT}')")
 
 
-def check_sizes(architecture: Sizes, tensors: dict[str, Tensor]) -> None:
+def check_sizes(architecture: Architecture, tensors: dict[str, Tensor]) -> None:
     """Check the sizes against the tensors, before a network of absurd size takes all memory.
 
     Raises:
@@ -132,8 +130,6 @@ def check_sizes(architecture: Sizes, tensors: dict[str, Tensor]) -> None:
         raise ValueError(f"width is {architecture.width!r}")
     if not isinstance(architecture.layers, int) or not 0 < architecture.layers <= len(tensors):
         raise ValueError(f"layers is {architecture.layers!r}")
-    if not isinstance(architecture.radius, float) or not 0 < architecture.radius < math.inf:
-        raise ValueError(f"radius is {architecture.radius!r}")
 
 
 def shipped() -> dict[str, Path]:

@@ -4,18 +4,18 @@ import torch
 
 from surfsup.learned.message_passing.history import HISTORY_LENGTH, History
 from surfsup.learned.message_passing.simulator import MessagePassingSimulator
-from surfsup.learned.registry import KINDS
+from surfsup.learned.registry import LEARNED_SIMULATORS
 from surfsup.sdf import Sphere, Surface, Transformed
-from surfsup.sph.state import Environment
+from surfsup.sph.environment import Environment
 
-MESSAGE_PASSING = [name for name, kind in KINDS.items() if issubclass(kind, MessagePassingSimulator)]
+MESSAGE_PASSING = [name for name, kind in LEARNED_SIMULATORS.items() if issubclass(kind, MessagePassingSimulator)]
 GRAVITY = torch.tensor([0.0, 0.0, -9.81])
 SIZES = {"width": 8, "layers": 2, "radius": 0.1}
 
 
 def make_simulator(kind: str, seed: int = 0, dtype=torch.float32, **sizes) -> MessagePassingSimulator:
     torch.manual_seed(seed)
-    simulator = KINDS[kind]
+    simulator = LEARNED_SIMULATORS[kind]
     few = {"surface_particles": 150} if kind == "gns" else {}
     return simulator(simulator.architecture_type(**{**SIZES, **few, **sizes})).to(dtype)
 

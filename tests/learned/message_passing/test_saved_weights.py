@@ -8,7 +8,7 @@ from safetensors.torch import load_file, save_file
 
 from surfsup.errors import InputError
 from surfsup.learned import weights_file
-from surfsup.learned.registry import KINDS
+from surfsup.learned.registry import LEARNED_SIMULATORS
 from tests.learned.message_passing.scenes import MESSAGE_PASSING, ball, make_environment, make_simulator, water
 
 kinds = pytest.mark.parametrize("kind", MESSAGE_PASSING)
@@ -33,7 +33,7 @@ def with_header(path: Path, **changes: str) -> Path:
 def test_every_kind_is_restored_with_its_normalizers(kind, tmp_path):
     path = saved(tmp_path, kind)
     loaded, card = weights_file.load(path)
-    assert type(loaded) is KINDS[kind]
+    assert type(loaded) is LEARNED_SIMULATORS[kind]
     assert card.name == kind
     assert loaded.architecture == make_simulator(kind).architecture
     tensors = load_file(path)
@@ -50,7 +50,7 @@ def test_an_unknown_kind_is_refused_in_one_line(tmp_path):
         weights_file.load(path)
 
 
-@pytest.mark.parametrize("other", ["convolution", "no-sdf", "value-only", "gns"])
+@pytest.mark.parametrize("other", ["corrected", "no-sdf", "value-only", "gns"])
 def test_weights_of_one_kind_are_not_loaded_as_another(other, tmp_path):
     path = with_header(saved(tmp_path, "surfsup"), kind=other)
     with pytest.raises(InputError, match="do not fit its architecture"):

@@ -194,7 +194,7 @@ def test_a_network_that_predicts_gravity_alone_falls_freely(kind):
         simulator.acceleration_normalizer.mean.copy_(FRAME_TIME**2 * GRAVITY)
     environment = make_environment(ball(torch.float64), torch.float64)
     start, velocities = torch.tensor([[0.1, 0.1, 1.5]]).double(), torch.tensor([[0.5, 0.0, 0.3]]).double()
-    rollout = simulator.rollout(simulator.start(start, velocities, environment), environment, 8)
+    rollout = simulator.rollout(simulator.initial_state(start, velocities, environment), environment, 8)
     for frame, (now, moved) in enumerate(rollout):
         # n frames of five solver steps h: n·5h·v + (5n)(5n+1)/2·h²·g
         steps, h = 5 * frame, FRAME_TIME / 5
@@ -207,12 +207,12 @@ def test_a_network_that_predicts_gravity_alone_falls_freely(kind):
 @kinds
 def test_a_state_from_frames_is_like_an_initial_state(kind):
     simulator = make_simulator(kind)
-    assert simulator.past == HISTORY_LENGTH
+    assert simulator.history_length == HISTORY_LENGTH
     positions, velocities = torch.randn(HISTORY_LENGTH + 1, 5, 3), torch.randn(HISTORY_LENGTH + 1, 5, 3)
-    state = simulator.state_after(positions, velocities)
+    state = simulator.state_from_frames(positions, velocities)
     assert torch.equal(state.positions, positions[-1]) and torch.equal(state.velocities, velocities[-1])
     torch.testing.assert_close(state.displacements[:, -1], positions[1] - positions[0])
-    initial = simulator.start(positions[0], velocities[0], make_environment())
+    initial = simulator.initial_state(positions[0], velocities[0], make_environment())
     assert initial.displacements.shape == state.displacements.shape
 
 
@@ -229,7 +229,7 @@ def test_a_rollout_starts_with_the_start_and_repeats_bit_for_bit(kind):
 def test_collision_handling_keeps_every_frame_penetration_free_and_is_optional(kind):
     simulator, environment = make_simulator(kind), make_environment(ball())
     positions = torch.tensor([[0.1, 0.05, 0.56], [0.3, 0.1, 0.5]])
-    state = simulator.start(positions, torch.tensor([[0.0, 0.0, -8.0]] * 2), environment)
+    state = simulator.initial_state(positions, torch.tensor([[0.0, 0.0, -8.0]] * 2), environment)
     kept = list(simulator.rollout(state, environment, 7))
     assert all((environment.surface.distance(now.positions) > 0).all() for now, _ in kept)
     assert any(moved.any() for _, moved in kept)

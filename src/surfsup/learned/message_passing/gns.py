@@ -12,7 +12,7 @@ from surfsup.learned.message_passing.architecture import MessagePassingArchitect
 from surfsup.learned.message_passing.history import History
 from surfsup.learned.message_passing.simulator import MessagePassingSimulator
 from surfsup.learned.message_passing.surface_particles import SurfaceParticles
-from surfsup.sph.state import Environment
+from surfsup.sph.environment import Environment
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,8 @@ from dataclasses import dataclass, replace
 import torch
 from torch import Tensor
 
-from surfsup.sph.state import FRAME_TIME, free_fall_lag
+from surfsup.scene import FRAME_TIME
+from surfsup.sph.state import free_fall_lag
 
 HISTORY_LENGTH = 4  # displacements that the network sees; T of the paper
 

@@ -8,7 +8,7 @@ from torch import Tensor
 
 from surfsup.learned.message_passing.history import History
 from surfsup.learned.message_passing.simulator import MessagePassingSimulator
-from surfsup.sph.state import Environment
+from surfsup.sph.environment import Environment
 
 
 class NoSdf(MessagePassingSimulator):

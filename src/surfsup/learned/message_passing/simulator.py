@@ -10,16 +10,17 @@ from typing import ClassVar
 import torch
 from torch import Tensor
 
+from surfsup.learned.base import LearnedSimulator
 from surfsup.learned.message_passing.architecture import MessagePassingArchitecture
 from surfsup.learned.message_passing.graph import EdgeGraph, batch_graphs, build_graph
 from surfsup.learned.message_passing.history import HISTORY_LENGTH, History
 from surfsup.learned.message_passing.network import MessagePassingNetwork
 from surfsup.learned.message_passing.noise import add_random_walk
 from surfsup.learned.message_passing.normalizer import Normalizer, RunningStatistics
+from surfsup.scene import FRAME_TIME
 from surfsup.sph.collision import resolve_collisions
+from surfsup.sph.environment import Environment
 from surfsup.sph.neighbor_search import find_neighbors
-from surfsup.sph.simulator import Simulator
-from surfsup.sph.state import FRAME_TIME, Environment
 
 # Standard deviations before training measures them on its own data, in meters a frame and meters a frame².
 DISPLACEMENT_STD = (1.9e-3, 1.9e-3, 4.1e-3)
@@ -42,7 +43,7 @@ class NetworkInput:
     fluid_nodes: Tensor
 
 
-class MessagePassingSimulator(Simulator[History]):
+class MessagePassingSimulator(LearnedSimulator[History]):
     """A graph network that predicts the next acceleration, integrated by semi-implicit Euler (supplement, section 6).
 
     The node features are the last displacements, the distances to the container's walls, and what a subclass adds about
@@ -50,7 +51,9 @@ class MessagePassingSimulator(Simulator[History]):
     """
 
     architecture_type: ClassVar[type] = MessagePassingArchitecture
+    history_length: ClassVar[int] = HISTORY_LENGTH
     surface_feature_count: ClassVar[int]
+    architecture: MessagePassingArchitecture
 
     def __init__(self, architecture: MessagePassingArchitecture) -> None:
         super().__init__(architecture)
@@ -59,16 +62,11 @@ class MessagePassingSimulator(Simulator[History]):
         inputs = 3 * HISTORY_LENGTH + WALLS + self.surface_feature_count
         self.network = MessagePassingNetwork(inputs, 3, architecture.width, architecture.layers)
 
-    @property
-    def past(self) -> int:
-        """Frames before the present one that a state depends on."""
-        return HISTORY_LENGTH
-
-    def start(self, positions: Tensor, velocities: Tensor, environment: Environment) -> History:
+    def initial_state(self, positions: Tensor, velocities: Tensor, environment: Environment) -> History:
         """The state of particles (N, 3) at the start of a scene, after an assumed free fall."""
         return History.in_free_fall(positions, velocities, environment.gravity)
 
-    def state_after(self, positions: Tensor, velocities: Tensor) -> History:
+    def state_from_frames(self, positions: Tensor, velocities: Tensor) -> History:
         """The state at the last of consecutive frames (T + 1, N, 3)."""
         return History.from_frames(positions, velocities[-1])
 
@@ -117,14 +115,14 @@ class MessagePassingSimulator(Simulator[History]):
         return state.positions + displacement, displacement / FRAME_TIME
 
     def step(self, state: History, environment: Environment, handle_collisions: bool = True) -> tuple[History, Tensor]:
-        """The state one frame later, and which particles (N,) collided with the surface or a wall."""
+        """The state one frame later, and which particles (N,) collision handling moved."""
         acceleration = self.predict_acceleration(self.network_input(state, environment))
         positions, velocities = self.integrate(state, acceleration)
-        moved = torch.zeros(len(positions), dtype=torch.bool, device=positions.device)
+        collided = torch.zeros(len(positions), dtype=torch.bool, device=positions.device)
         if handle_collisions:
-            kept = resolve_collisions(state.positions, positions, velocities, environment)
-            positions, velocities, moved = kept.positions, kept.velocities, kept.moved
-        return state.moved_to(positions, velocities), moved
+            result = resolve_collisions(state.positions, positions, velocities, environment)
+            positions, velocities, collided = result.positions, result.velocities, result.collided
+        return state.moved_to(positions, velocities), collided
 
     def with_noise(self, state: History, std: float, generator: torch.Generator) -> History:
         """A state for training, with noise injected into its displacements; see :func:`add_random_walk`."""

@@ -10,7 +10,7 @@ from torch import Tensor
 from surfsup.learned.message_passing.history import History
 from surfsup.learned.message_passing.simulator import MessagePassingSimulator
 from surfsup.scene import NEAR_SURFACE_DISTANCE
-from surfsup.sph.state import Environment
+from surfsup.sph.environment import Environment
 
 MAXIMUM = 2.0  # in units of NEAR_SURFACE_DISTANCE; larger distances are clipped
 
