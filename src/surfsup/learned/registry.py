@@ -1,14 +1,14 @@
-"""All kinds of learned simulator, by the name under which their weights are saved."""
+"""The learned simulators by the kind that their weights files name."""
 
 from __future__ import annotations
 
+from surfsup.learned.base import LearnedSimulator
 from surfsup.learned.corrected.simulator import CorrectedSimulator
 from surfsup.learned.message_passing.gns import Gns
 from surfsup.learned.message_passing.no_sdf import NoSdf
 from surfsup.learned.message_passing.surfsup import Surfsup
 from surfsup.learned.message_passing.value_only import ValueOnly
-from surfsup.sph.simulator import Simulator
 
-KINDS: dict[str, type[Simulator]] = {
+LEARNED_SIMULATORS: dict[str, type[LearnedSimulator]] = {
     simulator.kind: simulator for simulator in (CorrectedSimulator, Surfsup, ValueOnly, NoSdf, Gns)
 }

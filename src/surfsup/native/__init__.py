@@ -1,67 +1,52 @@
-"""The convolution's step, its parts for training, the search for neighbors, distances of solids and meshes, in C++.
+"""The C++ code: DFSPH solver, neighbor search, signed distances, neighbor convolution.
 
-It is built with the package where there is a compiler; torch does the same without it.
+It is built with the package where there is a compiler. Without it torch computes the same;
+:mod:`surfsup.native.dispatch` decides.
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
+try:
     from surfsup.native._native import (
-        Network,
+        BoundaryMap,
+        BoundaryParameters,
+        CollisionParameters,
         Solid,
-        SolidMap,
+        Solver,
+        SolverParameters,
         Triangles,
         convolve,
-        convolve_back,
+        convolve_gradient,
         energy_gain,
-        find_pairs,
-        guard,
+        find_neighbor_pairs,
         instruction_sets,
+        resolve_collisions,
         sample,
-        sum_fours,
-        sum_fours_back,
+        sum_kernels,
+        sum_kernels_gradient,
     )
-else:
-    try:
-        from surfsup.native._native import (
-            Network,
-            Solid,
-            SolidMap,
-            Triangles,
-            convolve,
-            convolve_back,
-            energy_gain,
-            find_pairs,
-            guard,
-            instruction_sets,
-            sample,
-            sum_fours,
-            sum_fours_back,
-        )
-    except ImportError:  # the package was installed without a compiler
-        Network = Solid = SolidMap = Triangles = None
-        convolve = convolve_back = energy_gain = find_pairs = guard = None
-        sample = sum_fours = sum_fours_back = None
+except ImportError:  # the package was installed without a compiler
 
-        def instruction_sets() -> list[str]:
-            """No instruction set: nothing is native."""
-            return []
+    def instruction_sets() -> list[str]:
+        """No instruction set: the other names of this module do not exist."""
+        return []
 
 
 __all__ = [
-    "Network",
+    "BoundaryMap",
+    "BoundaryParameters",
+    "CollisionParameters",
     "Solid",
-    "SolidMap",
+    "Solver",
+    "SolverParameters",
     "Triangles",
     "convolve",
-    "convolve_back",
+    "convolve_gradient",
     "energy_gain",
-    "find_pairs",
-    "guard",
+    "find_neighbor_pairs",
     "instruction_sets",
+    "resolve_collisions",
     "sample",
-    "sum_fours",
-    "sum_fours_back",
+    "sum_kernels",
+    "sum_kernels_gradient",
 ]

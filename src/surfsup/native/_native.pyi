@@ -1,65 +1,189 @@
-"""What module.cpp shows; matrices are as torch keeps them, a row an output."""
+"""Types of the C++ module. Matrices are stored as torch stores them, one row per output."""
 
 from collections.abc import Callable
 from typing import TypeAlias
 
 import numpy as np
 
-Matrix = Bias = Vectors = Values = Vector = np.ndarray
+Matrix: TypeAlias = np.ndarray
+Bias: TypeAlias = np.ndarray
+Vectors: TypeAlias = np.ndarray
+Values: TypeAlias = np.ndarray
+Vector: TypeAlias = np.ndarray
 # Table (X Y Z, 4), first node, middle, cell, nodes (X, Y, Z): see surfsup.sdf.mesh.distance_cache.DistanceCache.
 Grid = tuple[np.ndarray, tuple[float, ...], tuple[float, ...], float, tuple[int, ...]]
-# A solid, or who writes the distance (N,) and, unless that is None, the unit normal (N, 3) of points (N, 3).
-Asked: TypeAlias = "Solid | Callable[[Vectors, Values, Vectors | None], None]"
+# A native solid, or a function that writes the distance (N,) and, unless that is None, the unit normal (N, 3) of points (N, 3).
+SolidQuery: TypeAlias = "Solid | Callable[[Vectors, Values, Vectors | None], None]"
+# Arrays of a substep: positions (N, 3), kernel sums (N, 8), density gradient (N, 3), boundary density (N,), its gradient
+# (N, 3), density error (N,), density rate (N,).
+Record: TypeAlias = tuple[np.ndarray, ...]
 
 def instruction_sets() -> list[str]:
-    """Instruction sets that this processor has and the step is compiled for, the fastest first."""
+    """Instruction sets that this processor supports, the fastest first."""
 
-def find_pairs(
-    positions: Vectors, radius: float, max_edges: int, threads: int
+def find_neighbor_pairs(
+    positions: Vectors, radius: float, max_pairs: int, threads: int
 ) -> tuple[int, np.ndarray, np.ndarray, np.ndarray]:
-    """All ordered pairs within ``radius``: how many, starts (N + 1,), receivers (E,), senders (E,), all int64.
+    """All ordered pairs within ``radius``: their number, starts (N + 1,), receivers (E,), senders (E,), all int64.
 
-    Where there are more than ``max_edges`` it stops, where a position is not finite the number is -1; then the arrays
-    are empty.
+    Beyond ``max_pairs`` the search stops. The number is -1 where a position is not finite. Both leave the arrays empty.
 
     Raises:
-        MemoryError: they do not fit into memory.
+        MemoryError: the pairs do not fit into memory.
     """
 
 def energy_gain(
     positions: Vectors, velocities: Vectors, new_positions: Vectors, new_velocities: Vectors, gravity: Vector
 ) -> float:
-    """How much mechanical energy a step adds, mean J/kg; all but ``gravity`` (3,) are (N, 3)."""
+    """Mechanical energy that a step adds, mean J/kg. Arrays are (N, 3), ``gravity`` is (3,)."""
 
 def resolve_collisions(
     before: Vectors,
     positions: Vectors,
     velocities: Vectors,
-    moved: np.ndarray,
+    collided: np.ndarray,
     lower: Vector,
     upper: Vector,
-    clearance: tuple[float, float, int],
-    solid: Asked | None,
-    last: tuple[Vectors, Values] | None,
+    parameters: CollisionParameters,
+    solid: SolidQuery | None,
+    query_positions: Vectors | None,
+    query_distance: Values | None,
     isa: str,
     threads: int,
 ) -> None:
-    """The guard, see :func:`surfsup.sph.collision.guard`, in place; mark whom it ``moved`` (N,).
+    """:func:`surfsup.sph.collision.resolve_collisions` in place; marks the particles that ``collided`` (N,).
 
     Args:
-        before: (N, 3) one frame earlier.
-        positions, velocities: (N, 3).
-        lower, upper: (3,), corners of the container.
-        clearance: meters from walls and solid that they get, and short of it that they may stay, and how often they are
-            pushed at most.
-        solid: whom to ask.
-        last: places (N, 3) where they were ``distance`` (N,) from the solid; without it all are looked at.
-        isa: the instruction set to look at it with.
+        before: (N, 3) positions one frame earlier.
+        positions, velocities: (N, 3), changed.
+        collided: (N,) bool, written.
+        lower, upper: (3,) corners of the container.
+        parameters: clearance and rounds.
+        solid: None if there is none.
+        query_positions, query_distance: (N, 3) and (N,), where each particle last queried the solid; None if unknown.
+        isa: instruction set.
         threads: at most.
 
     Raises:
         ValueError: sizes do not fit, or the processor lacks the instruction set.
     """
+
+class BoundaryMap:
+    """Arrays of a boundary volume map, copied."""
+
+    def __init__(
+        self, lower: np.ndarray, cell: np.ndarray, resolution: np.ndarray, cell_indices: np.ndarray, nodes: np.ndarray
+    ) -> None:
+        """See :class:`surfsup.sph.boundary.boundary_map.MapTables`.
+
+        Raises:
+            ValueError: sizes do not fit.
+        """
+
+class BoundaryParameters:
+    """Parameters of boundary densities; see sph/parameters.hpp."""
+
+    distance_offset: float
+    min_distance: float
+    strength: float
+    wall_cell: float
+    min_wall_distance: float
+    fraction_start: float
+    fraction_step: float
+    plane_fraction: list[float]
+
+class CollisionParameters:
+    """Parameters of collision handling; see sph/parameters.hpp."""
+
+    clearance: float
+    tolerance: float
+    rounds: int
+
+class SolverParameters:
+    """Parameters of the solver; see sph/parameters.hpp."""
+
+    kernel_support: float
+    frame_time: float
+    substeps: int
+    self_density: float
+    divergence_relaxation: float
+    density_relaxation: float
+    divergence_deadband: float
+    min_squared_gradient: float
+    max_density_error: float
+    viscosity: float
+    viscosity_softening: float
+    max_energy_gain: float
+    boundary: BoundaryParameters
+    collision: CollisionParameters
+
+class StepResult:
+    """How a step ended.
+
+    Attributes:
+        pairs: number of neighbor pairs; above ``max_pairs`` or -1 the step stopped early.
+        finished: False where the energy limit was exceeded and the caller must finish the step.
+    """
+
+    @property
+    def pairs(self) -> int: ...
+    @property
+    def finished(self) -> bool: ...
+
+class Solver:
+    """The DFSPH solver, with buffers that it keeps from step to step."""
+
+    def __init__(self, parameters: SolverParameters) -> None:
+        """Copy the parameters.
+
+        Raises:
+            ValueError: they make no solver.
+        """
+
+    def step(
+        self,
+        *,
+        positions: Vectors,
+        velocities: Vectors,
+        gravity: Vector,
+        lower: Vector,
+        upper: Vector,
+        boundary_map: BoundaryMap | None,
+        rotation: np.ndarray,
+        solid: SolidQuery | None,
+        handle_collisions: bool,
+        query_positions: Vectors,
+        query_distance: Values,
+        new_positions: Vectors,
+        new_velocities: Vectors,
+        collided: np.ndarray,
+        record: Record | None,
+        isa: str,
+        threads: int,
+        max_pairs: int,
+    ) -> StepResult:
+        """Compute a frame: free fall, query of the solid, substeps, energy limit, collision handling.
+
+        Args:
+            positions, velocities: (N, 3) at the frame's start.
+            gravity: (3,), m/s².
+            lower, upper: (3,) corners of the container.
+            boundary_map: of the solid; without it the solid is a plane through its nearest point.
+            rotation: (3, 3), of the map.
+            solid: None if there is none.
+            handle_collisions: whether to move particles out of solid and walls.
+            query_positions, query_distance: (N, 3) and (N,), where each particle last queried the solid; updated.
+            new_positions, new_velocities: (N, 3), written.
+            collided: (N,) bool, written.
+            record: arrays for the last substep, written.
+            isa: instruction set.
+            threads: at most.
+            max_pairs: of neighbors; the step stops beyond it.
+
+        Raises:
+            MemoryError: the neighbors do not fit into memory.
+            ValueError: sizes do not fit, or the processor lacks the instruction set.
+        """
 
 def convolve(
     starts: np.ndarray,
@@ -67,51 +191,49 @@ def convolve(
     kernels: np.ndarray,
     hidden: Matrix,
     mix: Matrix,
-    own: Matrix,
+    self: Matrix,
     out: Matrix,
     threads: int,
 ) -> None:
-    """Write own h_i + sum_j sum_m k_m(i, j) mix_m h_j to ``out`` (N, C).
-
-    Of h_j only as many channels count as ``mix`` (4C, M) has columns; C and M are multiples of 16.
+    """Write self h_i + sum_j sum_m k_m(i, j) mix_m h_j to ``out`` (N, C); C is a multiple of 16.
 
     Raises:
         ValueError: sizes do not fit.
     """
 
-def convolve_back(
+def convolve_gradient(
     starts: np.ndarray,
     senders: np.ndarray,
     kernels: np.ndarray,
     hidden: Matrix,
     mix: Matrix,
-    own: Matrix,
-    gradient: Matrix,
-    to_hidden: Matrix | None,
-    to_mix: Matrix,
-    to_own: Matrix,
+    self: Matrix,
+    out_gradient: Matrix,
+    hidden_gradient: Matrix | None,
+    mix_gradient: Matrix,
+    self_gradient: Matrix,
     threads: int,
 ) -> None:
-    """Write the gradients in what goes into :func:`convolve` from the ``gradient`` in its result.
+    """Write the gradients in the arguments of :func:`convolve` from the gradient in its result.
 
     Raises:
         ValueError: sizes do not fit.
     """
 
-def sum_fours(
+def sum_kernels(
     starts: np.ndarray, senders: np.ndarray, kernels: np.ndarray, values: np.ndarray, sums: np.ndarray, threads: int
 ) -> None:
-    """Write sum_j k_m(i, j) v_j of four values a particle to ``sums`` (N, 4, 4)."""
+    """Write sum_j k_m(i, j) v_j of values (N, 4) to ``sums`` (N, 4, 4)."""
 
-def sum_fours_back(
+def sum_kernels_gradient(
     starts: np.ndarray,
     senders: np.ndarray,
     kernels: np.ndarray,
-    gradient: np.ndarray,
-    to_values: np.ndarray,
+    sums_gradient: np.ndarray,
+    values_gradient: np.ndarray,
     threads: int,
 ) -> None:
-    """Write the gradient in the values of :func:`sum_fours` from that in its sums."""
+    """Write the gradient in the values of :func:`sum_kernels` from that in its sums."""
 
 def sample(grid: Grid, points: np.ndarray, distance: np.ndarray, gradient: np.ndarray, threads: int) -> None:
     """Write what :meth:`surfsup.sdf.mesh.distance_cache.DistanceCache.sample` tells of ``points`` (N, 3) float64 in the grid.
@@ -215,128 +337,4 @@ class Solid:
 
         Raises:
             ValueError: sizes do not fit, or the processor lacks the instruction set.
-        """
-
-class SolidMap:
-    """A solid's distance and share in cubic cells; the tables are copied."""
-
-    def __init__(
-        self, lower: Vector, cell: Vector, resolution: np.ndarray, places: np.ndarray, nodes: np.ndarray
-    ) -> None:
-        """Copy the tables of :class:`surfsup.sph.boundary.map_interpolation.Tables`.
-
-        Raises:
-            ValueError: sizes do not fit, or a cell has nodes that are not there.
-        """
-
-class Network:
-    """The convolution's network, which reads its weights anew in every step, and the memory of its steps."""
-
-    def __init__(
-        self,
-        *,
-        encoder: Matrix,
-        factors: tuple[Matrix, Bias, Matrix, Bias],
-        layers: list[tuple[Matrix, Matrix, Matrix]],
-        decoder: tuple[Matrix, Matrix],
-        solids: tuple[Values, float, float, float, float, float, float, float, float],
-        radius: float,
-        frame_time: float,
-        displacement_scale: float,
-        velocity_scale: float,
-        slope_scale: float,
-        density_scale: float,
-        own_density: float,
-        steps: int,
-        of_rise: float,
-        of_excess: float,
-        slow: float,
-        least: float,
-        most_dense: float,
-        viscosity: float,
-        softened: float,
-        pressure_scale: float,
-        position_share: float,
-        largest: float,
-        thickest: tuple[float, ...],
-    ) -> None:
-        """Keep the weights' memory.
-
-        Raises:
-            ValueError: sizes do not fit.
-        """
-
-    def next_frame(
-        self,
-        positions: Vectors,
-        velocities: Vectors,
-        around: tuple[Vector, Vector, Vector],
-        map: SolidMap | None,
-        turn: Matrix,
-        solid: Asked | None,
-        clearance: tuple[float, float, int],
-        handle_collisions: bool,
-        most_gain: float,
-        last: tuple[Vectors, Values],
-        reached: tuple[Vectors, Vectors, np.ndarray],
-        isa: str,
-        threads: int,
-        max_edges: int,
-    ) -> tuple[int, bool]:
-        """Write the positions, the velocities of the next frame, and whom the guard moved; in float32 and bool.
-
-        Args:
-            positions, velocities: (N, 3).
-            around: gravity and the corners of the container, (3,) each.
-            map: of the solid.
-            turn: (3, 3), how it is turned.
-            solid: whom to ask how far it is.
-            clearance: as of :func:`guard`.
-            handle_collisions: whether the guard is to be done.
-            most_gain: J/kg that the frame may gain on the mean.
-            last: places (N, 3) from where each particle looked at the solid last, and how far it was from there (N,).
-                Whoever may have come near looks again: then both are those of this time. A distance is believed half.
-            reached: (N, 3), (N, 3) and (N,), what is written.
-            isa: the instruction set.
-            threads: at most.
-            max_edges: with more than that it stops.
-
-        Returns:
-            The number of edges, -1 where ballistic motion leads to what is not finite, and whether it is done: where
-            more energy would be gained it has not been guarded yet.
-
-        Raises:
-            ValueError: sizes do not fit, or the processor lacks the instruction set.
-            MemoryError: the neighbors do not fit into memory.
-        """
-
-    def observe(
-        self,
-        positions: Vectors,
-        velocities: Vectors,
-        ahead: Vectors,
-        distance: Values,
-        normal: Vectors,
-        gravity: Vector,
-        lower: Vector,
-        upper: Vector,
-        map: SolidMap | None,
-        turn: Matrix,
-        acts: Matrix,
-        lie: Matrix,
-        faster: Vectors,
-        farther: Vectors,
-        slope: Vectors,
-        places: Vectors,
-        isa: str,
-        threads: int,
-        max_edges: int,
-    ) -> int:
-        """Write what the network is told of each particle, and return the number of edges as :meth:`next_frame` does.
-
-        It is at ``ahead`` (N, 3) in ballistic motion; ``distance`` (N,) and ``normal`` (N, 3) are the solid's there.
-
-        Raises:
-            ValueError: sizes do not fit, or the processor lacks the instruction set.
-            MemoryError: the neighbors do not fit into memory.
         """

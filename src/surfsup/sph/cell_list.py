@@ -1,4 +1,4 @@
-"""Neighbors where the particles are, on a GPU too: a cell list by sorting.
+"""Neighbor search by a sorted cell list in torch, for GPUs.
 
 Green, "Particle Simulation using CUDA", 2010.
 """
@@ -10,69 +10,70 @@ import math
 import torch
 from torch import Tensor
 
-from surfsup.sph.stability import blown_up, collapsed, max_edges
+from surfsup.sph.stability import check_pairs, max_pairs, not_finite
 
-FARTHEST_CELL = 2**19  # cells from the middle; what has flown farther shares the last one
-# Particles for whom what may be near is held at once: some 200 each in water, about a hundred bytes for each of these.
-AT_ONCE = 2**18
-CELLS_TO_BALL = 27 / (4 / 3 * math.pi)  # the volume of all cells around one to that of the radius around a particle
+MAX_CELL = 2**19  # cells from the middle along an axis; particles farther away share the last cell
+# Particles whose candidates are held at the same time: about 200 candidates each in water, about 100 bytes per
+# candidate.
+CHUNK = 2**18
+CELLS_TO_BALL = 27 / (4 / 3 * math.pi)  # volume of the 27 cells around a particle over that of the ball
 
 
-def pairs_by_cells(positions: Tensor, radius: float, at_once: int = AT_ONCE) -> tuple[Tensor, Tensor]:
-    """Receivers (E,) and senders (E,) of all ordered pairs of ``positions`` (N, 3) nearer than ``radius``.
+def pairs_by_cells(positions: Tensor, radius: float, chunk: int = CHUNK) -> tuple[Tensor, Tensor]:
+    """Receivers (E,) and senders (E,) of all ordered pairs of ``positions`` (N, 3) within ``radius`` meters.
 
-    Ordered by receiver, then by sender. The host waits once, and twice for every ``at_once`` particles: for the number
-    of candidates and for that of pairs.
+    Ordered by receiver, then by sender. The host synchronizes once, and twice per ``chunk`` particles: for the
+    numbers of candidates and of pairs.
 
     Raises:
         SimulationError: a position is not finite, or the particles have collapsed into a clump.
     """
     if len(positions) == 0:
         return (torch.zeros(0, dtype=torch.long, device=positions.device),) * 2
-    places = positions.detach().double()  # as in the search on the CPU: a tie must not fall the other way
-    if not bool(places.isfinite().all()):
-        raise blown_up()
-    middle = places.median(dim=0).values
-    cells = ((places - middle) / radius).floor().clamp(-FARTHEST_CELL, FARTHEST_CELL).long() + FARTHEST_CELL + 1
-    side = 2 * FARTHEST_CELL + 3
-    keys, by_cell = ((cells[:, 0] * side + cells[:, 1]) * side + cells[:, 2]).sort()
-    sorted_places = places[by_cell]
+    points = positions.detach().double()  # as on the CPU, so that ties are broken the same way
+    if not bool(points.isfinite().all()):
+        raise not_finite()
+    middle = points.median(dim=0).values
+    cells = ((points - middle) / radius).floor().clamp(-MAX_CELL, MAX_CELL).long() + MAX_CELL + 1
+    side = 2 * MAX_CELL + 3
+    keys, order = ((cells[:, 0] * side + cells[:, 1]) * side + cells[:, 2]).sort()
+    sorted_points = points[order]
     found = [
         pairs_of(
-            torch.arange(first, min(first + at_once, len(keys)), device=keys.device), keys, side, sorted_places, radius
+            torch.arange(first, min(first + chunk, len(keys)), device=keys.device), keys, side, sorted_points, radius
         )
-        for first in range(0, len(keys), at_once)
+        for first in range(0, len(keys), chunk)
     ]
-    receivers, senders = (by_cell[torch.cat(part)] for part in zip(*found, strict=True))
-    pairs = (receivers * len(places) + senders).sort().values
-    return pairs // len(places), pairs % len(places)
+    receivers, senders = (order[torch.cat(part)] for part in zip(*found, strict=True))
+    pairs = (receivers * len(points) + senders).sort().values
+    return pairs // len(points), pairs % len(points)
 
 
-def pairs_of(some: Tensor, keys: Tensor, side: int, places: Tensor, radius: float) -> tuple[Tensor, Tensor]:
-    """Receivers and senders of all pairs of which ``some`` particles are the receivers, in no order.
+def pairs_of(receivers: Tensor, keys: Tensor, side: int, points: Tensor, radius: float) -> tuple[Tensor, Tensor]:
+    """Receivers and senders of all pairs with the given receivers, unordered.
 
     Args:
-        some: which, as all are counted here: by their cells.
-        keys: (N,) of the particles' cells, ascending.
-        side: from a cell's key to that of the next one along y.
-        places: (N, 3) of the particles, meters.
+        receivers: indices of sorted particles.
+        keys: (N,) cell keys of the sorted particles, ascending.
+        side: difference of the keys of two cells next to each other along y.
+        points: (N, 3) sorted positions, meters.
         radius: meters.
 
     Raises:
-        SimulationError: what may be near is more than memory can be asked for, as in a clump.
+        SimulationError: there are too many candidates to hold, as in a clump.
     """
-    # Three cells in a row along z have keys in a row, so nine ranges hold all that can be near.
-    around = torch.arange(-1, 2, device=keys.device)
-    rows = keys[some][:, None] + ((around[:, None] * side + around) * side).flatten()
+    # Three cells in a row along z have consecutive keys: nine ranges hold all candidates.
+    offsets = torch.arange(-1, 2, device=keys.device)
+    rows = keys[receivers][:, None] + ((offsets[:, None] * side + offsets) * side).flatten()
     first = torch.searchsorted(keys, rows - 1)
     count = (torch.searchsorted(keys, rows + 1, right=True) - first).flatten()
     total = int(count.sum())
-    if total > CELLS_TO_BALL * max_edges(AT_ONCE, radius):
-        raise collapsed(radius)
+    if total > CELLS_TO_BALL * max_pairs(CHUNK, radius):
+        check_pairs(total, len(receivers), radius)
     ranges = torch.repeat_interleave(count, output_size=total)
     before = count.cumsum(0) - count
     senders = first.flatten()[ranges] + torch.arange(total, device=keys.device) - before[ranges]
-    receivers = some[ranges // rows.shape[1]]
-    near = (places[receivers] - places[senders]).square().sum(dim=-1) <= radius**2
-    at = (near & (receivers != senders)).nonzero()[:, 0]
-    return receivers[at], senders[at]
+    repeated = receivers[ranges // rows.shape[1]]
+    near = (points[repeated] - points[senders]).square().sum(dim=-1) <= radius**2
+    kept = (near & (repeated != senders)).nonzero()[:, 0]
+    return repeated[kept], senders[kept]

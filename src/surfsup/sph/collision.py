@@ -1,143 +1,141 @@
-"""The guard: no particle ends a frame in the solid or outside the container, whatever the network says."""
+"""Collision handling: no particle ends a frame inside the solid or outside the container, with any simulator."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 import torch
 from torch import Tensor
 
 from surfsup import native
-from surfsup.sph.state import Environment
+from surfsup.native.dispatch import can_run_native, fastest_isa
+from surfsup.sph.environment import Environment
+from surfsup.sph.native_query import native_query
 
-# Meters from solid and walls to a particle's middle, where the guard begins. The solver's own water comes no nearer
-# than 21.8 mm (13 scenes): what lies between are the network's errors, which it mends by itself in the next frames.
+# Meters from solid and walls to a particle's center. The reference's water comes no nearer than 21.8 mm.
 CLEARANCE = 0.020
 ROUNDS = 4
-TOLERANCE = 1e-5  # meters that a particle may stay short of its clearance
-ALLOWED = (CLEARANCE, TOLERANCE, ROUNDS)  # as the native code takes it
+TOLERANCE = 1e-5  # meters by which a particle may fall short of its clearance
+LIPSCHITZ_BOUND = 2.0  # of signed distances: a neural one may exceed the true distance by this factor
 
 
 @dataclass(frozen=True)
-class Look:
-    """Where the solid was looked at in a frame already.
+class LastQuery:
+    """Where each particle last queried the solid.
 
     Attributes:
-        places: (N, 3) of the particles then, meters.
+        positions: (N, 3) of the particles then, meters.
         distance: (N,) of the solid from there, meters.
     """
 
-    places: Tensor
+    positions: Tensor
     distance: Tensor
 
 
 @dataclass(frozen=True)
 class CollisionResult:
-    """What the guard made of a frame.
+    """The particles after collision handling.
 
     Attributes:
         positions: (N, 3), meters.
         velocities: (N, 3), m/s.
-        moved: (N,) bool, which particles it had to move.
+        collided: (N,) bool, which particles were moved.
     """
 
     positions: Tensor
     velocities: Tensor
-    moved: Tensor
+    collided: Tensor
 
 
 def resolve_collisions(
-    before: Tensor, positions: Tensor, velocities: Tensor, environment: Environment, last: Look | None = None
+    before: Tensor, positions: Tensor, velocities: Tensor, environment: Environment, last: LastQuery | None = None
 ) -> CollisionResult:
-    """Push particles out along the normal and take away the part of their velocity that points in.
+    """Project particles out of the solid along its normal, and remove velocity that points into it.
 
-    A push may end too close to a
-    wall or to another part of the solid, so it is repeated, a few rounds at most. A particle that is still
-    inside the solid then, in a crease too narrow for it, stays where it was ``before``: so penetration is
-    zero by construction as long as the start has none.
+    A projection may end too close to a wall or to another part of the solid, so it is repeated for a few rounds. A
+    particle that is still inside then, in a crease too narrow for it, returns to where it was ``before``. So no
+    particle is ever inside, provided that none is at the start.
 
     Args:
         before: (N, 3) positions one frame earlier, none inside the solid or outside the container.
-        positions: (N, 3) as the network wants them, meters.
+        positions: (N, 3) as the simulator computed them, meters.
         velocities: (N, 3), m/s.
         environment: container and solid.
-        last: a look at the solid from near where the particles are now: those that were so far from it that they cannot
-            have come too close since are not looked at again.
+        last: an earlier query of the solid. Particles too far from it to have come near since do not query it again.
     """
-    if can_resolve_natively(positions, velocities, environment):
+    if can_run_native(positions, velocities, environment.lower, environment.upper, module=environment.surface):
         return resolve_collisions_native(before, positions, velocities, environment, last)
-    positions, velocities, moved = into_container(positions, velocities, environment)
+    positions, velocities, collided = clamp_to_container(positions, velocities, environment)
     if environment.surface is None:
-        return CollisionResult(positions, velocities, moved)
-    at = within_reach(positions, last).nonzero()[:, 0]
+        return CollisionResult(positions, velocities, collided)
+    active = possibly_near(positions, last).nonzero()[:, 0]
     for _ in range(ROUNDS):
-        distance, normal = environment.distance_and_normal(positions[at])
+        distance, normal = environment.distance_and_normal(positions[active])
         deep = CLEARANCE - distance > TOLERANCE
         if not bool(deep.any()):
-            return CollisionResult(positions, velocities, moved)
-        at, distance, normal = at[deep], distance[deep], normal[deep]
-        pushed = positions[at] + (CLEARANCE - distance)[:, None] * normal
-        speed_in = (velocities[at] * normal).sum(dim=-1, keepdim=True).clamp(max=0)
-        pushed, slowed, _ = into_container(pushed, velocities[at] - speed_in * normal, environment)
-        positions, velocities = positions.index_copy(0, at, pushed), velocities.index_copy(0, at, slowed)
-        moved = moved.index_fill(0, at, True)
-    stuck = at[environment.distance_and_normal(positions[at])[0] < 0]
+            return CollisionResult(positions, velocities, collided)
+        active, distance, normal = active[deep], distance[deep], normal[deep]
+        projected = positions[active] + (CLEARANCE - distance)[:, None] * normal
+        inward = (velocities[active] * normal).sum(dim=-1, keepdim=True).clamp(max=0)
+        projected, slowed, _ = clamp_to_container(projected, velocities[active] - inward * normal, environment)
+        positions, velocities = positions.index_copy(0, active, projected), velocities.index_copy(0, active, slowed)
+        collided = collided.index_fill(0, active, True)
+    stuck = active[environment.distance_and_normal(positions[active])[0] < 0]
     positions = positions.index_copy(0, stuck, before[stuck])
     velocities = velocities.index_fill(0, stuck, 0.0)
-    return CollisionResult(positions, velocities, moved)
-
-
-def can_resolve_natively(positions: Tensor, velocities: Tensor, environment: Environment) -> bool:
-    """Whether the native parts are built, all is single precision on the CPU and no gradient is wanted."""
-    return bool(native.instruction_sets()) and all(
-        value.dtype == torch.float32
-        and value.device.type == "cpu"
-        and not (torch.is_grad_enabled() and (value.requires_grad or environment.records_gradients()))
-        for value in (positions, velocities, environment.lower, environment.upper)
-    )
+    return CollisionResult(positions, velocities, collided)
 
 
 def resolve_collisions_native(
-    before: Tensor, positions: Tensor, velocities: Tensor, environment: Environment, last: Look | None
+    before: Tensor, positions: Tensor, velocities: Tensor, environment: Environment, last: LastQuery | None
 ) -> CollisionResult:
-    """The same in C++, where only whoever has to be asked about the solid may need a second thread.
-
-    Torch's threads wait for each other after each of its many small steps; where others compute beside them that took
-    longer than the network.
-    """
-    fluid = [value.detach().numpy().copy() for value in (positions, velocities)] + [np.empty(len(positions), bool)]
-    looked = None
+    """:func:`resolve_collisions` in C++."""
+    new_positions, new_velocities = (value.detach().numpy().copy() for value in (positions, velocities))
+    collided = np.empty(len(positions), bool)
+    query_positions, query_distance = None, None
     if last is not None:
-        looked = tuple(value.detach().contiguous().numpy() for value in (last.places, last.distance))
-    native.guard(
+        query_positions, query_distance = (
+            value.detach().contiguous().numpy() for value in (last.positions, last.distance)
+        )
+    native.resolve_collisions(
         before.detach().contiguous().numpy(),
-        *fluid,
+        new_positions,
+        new_velocities,
+        collided,
         environment.lower.numpy(),
         environment.upper.numpy(),
-        ALLOWED,
-        environment.asked(),
-        looked,
-        native.instruction_sets()[0],
+        collision_parameters(),
+        native_query(environment),
+        query_positions,
+        query_distance,
+        fastest_isa(),
         torch.get_num_threads(),
     )
-    return CollisionResult(*(torch.from_numpy(value) for value in fluid))
+    return CollisionResult(*(torch.from_numpy(value) for value in (new_positions, new_velocities, collided)))
 
 
-def within_reach(positions: Tensor, last: Look | None) -> Tensor:
-    """Which particles (N,) may have come too close to the solid since the ``last`` look at it.
+@cache
+def collision_parameters() -> native.CollisionParameters:
+    """The constants of this module for C++ code."""
+    parameters = native.CollisionParameters()
+    parameters.clearance, parameters.tolerance, parameters.rounds = CLEARANCE, TOLERANCE, ROUNDS
+    return parameters
 
-    No value of a surface is larger than the distance, so what has gone less than that is still outside; a learned
-    surface may exaggerate, and is believed half.
-    """
+
+def possibly_near(positions: Tensor, last: LastQuery | None) -> Tensor:
+    """Which particles (N,) may have come closer to the solid than the clearance since the ``last`` query."""
     if last is None:
         return torch.ones(len(positions), dtype=torch.bool, device=positions.device)
-    spare = last.distance.detach() - CLEARANCE
-    return ~(2 * torch.linalg.vector_norm(positions.detach() - last.places.detach(), dim=-1) < spare)
+    path = torch.linalg.vector_norm(positions.detach() - last.positions.detach(), dim=-1)
+    return ~(LIPSCHITZ_BOUND * path < last.distance.detach() - CLEARANCE)
 
 
-def into_container(positions: Tensor, velocities: Tensor, environment: Environment) -> tuple[Tensor, Tensor, Tensor]:
-    """Positions (N, 3) inside the walls, velocities (N, 3) that do not point out, which (N,) were moved."""
+def clamp_to_container(
+    positions: Tensor, velocities: Tensor, environment: Environment
+) -> tuple[Tensor, Tensor, Tensor]:
+    """Positions (N, 3) within the walls, velocities (N, 3) without outward parts, and which (N,) were moved."""
     lower, upper = environment.lower + CLEARANCE, environment.upper - CLEARANCE
     inside = torch.minimum(torch.maximum(positions, lower), upper)
     crossed = inside != positions

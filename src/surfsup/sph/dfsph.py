@@ -1,189 +1,192 @@
-"""What the solver's own rule makes of a frame, before the network corrects it.
+"""The substeps of a frame by DFSPH, in torch with gradients.
 
-In each of its steps the solver (DFSPH: Bender and Koschier, "Divergence-Free SPH for Incompressible and Viscous
-Fluids", 2017) first takes from velocities what makes density rise, then lets viscosity and gravity act, then takes
-what would make density too high at the step's end. It goes over all particles once for the former and two to six times
-for the latter (measured), so what it does in a step is local, and so cheap: a particle alone that comes near a wall
-loses half of its way in, exactly. Here a frame is as many steps as the solver's, each with one sweep that makes both
-pressures from the same look at the neighbors, and who is whose neighbor is that of the frame's middle.
+Bender and Koschier, "Divergence-Free SPH for Incompressible and Viscous Fluids", 2017. In each of its steps the
+reference first removes the density rate from the velocities (divergence solve), then applies viscosity and gravity,
+then removes the density error expected at the step's end (density solve). It iterates once for the former and two to
+six times for the latter (measured). Here a frame has as many substeps, with one iteration each: both pressures follow
+from one pass over the neighbors. The neighbor list is that of the frame's middle.
 """
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import torch
 from torch import Tensor
 
 from surfsup.scene import SPACING
-from surfsup.sph.boundary.density import flat_share, solid_density
+from surfsup.sph.boundary.density import plane_fraction, solid_density
 from surfsup.sph.boundary.walls import walls_density
-from surfsup.sph.kernel_sums import Graph, graph, kernel_sums
-from surfsup.sph.kernels import KERNEL_SUPPORT
+from surfsup.sph.environment import Environment
+from surfsup.sph.kernel_sums import KernelGraph, kernel_graph, kernel_sums
+from surfsup.sph.kernels import KERNEL_PEAK, KERNEL_SUPPORT
 from surfsup.sph.neighbor_search import NeighborList
-from surfsup.sph.state import SOLVER_STEPS, STEP_TIME, Environment, ParticleState
+from surfsup.sph.state import SUBSTEP_TIME, SUBSTEPS, ParticleState
 
-# Shares of a sweep that are made. One of the solver's makes a half; of the second kind it makes two, of which one and a
-# bit are enough, and the water rests the better for it (measured).
-OF_RISE, OF_EXCESS = 0.5, 0.6
-# 1/s: how slow a rise is not reckoned with in advance. Reckoned with, it swings from step to step in deep water, and a
-# pool trembles (docs/experiments.md, "why the pool trembled"); in a splash rates spread by 1.4 to 9.
-SLOW = 1.0
-LEAST = 1e-5  # 1/m²: where density depends on places no more than this, nothing can be done
-VISCOSITY = 0.01  # m²/s: the solver's
-DIMENSIONS = 10  # 2 (d + 2) of the viscosity's Laplacian
-SOFTENED = 0.01  # of the squared radius, that keeps it finite where particles meet
-MOST_DENSE = 0.2  # more too dense it is not taken to be: a start, or what the model has erred by, may not burst
+SELF_DENSITY = KERNEL_PEAK * SPACING**3  # of a lone particle, relative to the rest density
+GRADIENT_SCALE = 2 * SELF_DENSITY / KERNEL_SUPPORT  # 1/m, from sums of kernel gradients to the density gradient
+
+# Fractions of density rate and density error that one iteration removes. The reference removes half in each. Of its
+# second kind it iterates at least twice; slightly more than one iteration suffices, and leaves the water calmer
+# (measured).
+DIVERGENCE_RELAXATION, DENSITY_RELAXATION = 0.5, 0.6
+# 1/s. Slower density rates do not enter the expected density error: in deep water they would alternate between
+# substeps, and a pool would tremble (docs/log.md). In a splash the rates' standard deviation is 1.4 to 9.
+DIVERGENCE_DEADBAND = 1.0
+MIN_SQUARED_GRADIENT = 1e-5  # 1/m²: where density depends less on positions, pressure is zero
+VISCOSITY = 0.01  # m²/s, the reference's
+LAPLACIAN_FACTOR = 10  # 2 (d + 2) in d = 3 dimensions
+VISCOSITY_SOFTENING = 0.01  # of the squared kernel support, keeps viscosity finite where particles meet
+MAX_DENSITY_ERROR = 0.2  # larger errors are cut, so that a compressed start does not burst
 
 
 @dataclass(frozen=True)
-class LastStep:
-    """What the last of a frame's steps begins with.
+class Substep:
+    """Quantities at the start of a substep; densities are relative to the rest density.
 
     Attributes:
-        graph: the neighbors, as they lie there.
-        sums: (N, 4, 4), kernel sums of the neighbors' velocity and of one.
-        velocities: (N, 3) there, but for what gravity has added since the frame's start, m/s.
-        of_solids: (N,), what solid and walls add to density.
-        slope_of_solids: (N, 3), its slope, 1/m.
-        slope: (N, 3), that of density all in all, 1/m.
-        too_dense: (N,), by how much density is higher than it may be, at most ``MOST_DENSE``.
-        rise: (N,), how fast density rises, 1/s.
+        graph: the neighbors with their kernels.
+        kernel_sum: (N,) sum of kernels W / W(0).
+        gradient_sum: (N, 3) sum of kernel gradients.
+        squared_gradient_sum: (N,) sum of squared kernel gradients.
+        velocity_difference: (N, 3) kernel-weighted sum of neighbors' velocities minus the particle's, m/s.
+        boundary_density: (N,) of solid and walls.
+        boundary_gradient: (N, 3) its gradient, 1/m.
+        density_gradient: (N, 3) of the whole density, 1/m.
+        density_error: (N,) density above the rest density, at most ``MAX_DENSITY_ERROR``.
+        density_rate: (N,) 1/s.
     """
 
-    graph: Graph
-    sums: Tensor
-    velocities: Tensor
-    of_solids: Tensor
-    slope_of_solids: Tensor
-    slope: Tensor
-    too_dense: Tensor
-    rise: Tensor
+    graph: KernelGraph
+    kernel_sum: Tensor
+    gradient_sum: Tensor
+    squared_gradient_sum: Tensor
+    velocity_difference: Tensor
+    boundary_density: Tensor
+    boundary_gradient: Tensor
+    density_gradient: Tensor
+    density_error: Tensor
+    density_rate: Tensor
 
 
-def sweep(
+def solve_frame(
     state: ParticleState,
-    ahead: Tensor,
+    predicted_positions: Tensor,
     distance: Tensor,
     normal: Tensor,
     environment: Environment,
-    near: NeighborList,
-    radius: float,
-) -> tuple[Tensor, Tensor, LastStep]:
-    """What the rule adds to the velocities (N, 3) in m/s and places (N, 3) in meters of ballistic motion.
+    neighbors: NeighborList,
+) -> tuple[Tensor, Tensor, Substep]:
+    """Changes of velocity (N, 3) in m/s and position (N, 3) in meters against ballistic motion, and the last substep.
 
-    Away from all else, as in a free fall, that is nothing.
+    Both changes are zero in free fall away from everything else.
 
     Args:
-        state: the fluid now.
-        ahead: (N, 3) where ballistic motion would take it, meters.
-        distance: (N,) of the solid from there, meters.
-        normal: (N, 3) the solid's there.
-        environment: container and gravity.
-        near: the neighbors halfway to there, within the radius.
-        radius: reach of the kernels, meters.
+        state: particles at the frame's start.
+        predicted_positions: (N, 3) after ballistic motion, meters.
+        distance: (N,) of the solid at the predicted positions, meters.
+        normal: (N, 3) of the solid there.
+        environment: container, boundary map and gravity.
+        neighbors: within the kernel support, at the middle of the ballistic path.
     """
-    own, scale = own_density(radius), density_slope(radius)
-    faster, farther = torch.zeros_like(ahead), torch.zeros_like(ahead)
-    place, allowed = state.positions, None
-    for step in range(SOLVER_STEPS):
-        fallen = step * STEP_TIME * environment.gravity
-        speed = state.velocities + faster
-        seen = graph(place, near, radius)
-        of_solid, slope_of_solids = of_solids(place, ahead, distance, normal, environment)
-        sums = kernel_sums(torch.cat([speed, torch.ones_like(speed[:, :1])], dim=-1), seen)
-        density = own * (1 + sums[:, 0, 3]) + of_solid
-        slope = scale * sums[:, 1:4, 3] + slope_of_solids
-        size = slope.square().sum(dim=-1) + scale**2 * squares(seen)[:, 0]
-        ease = torch.where(size > LEAST, 1 / size.clamp(min=LEAST), 0.0)
-        if allowed is None:
-            # Where it is too high already beside a solid of no map, that is not as flat as it is taken to be.
-            beside = (
-                (distance < KERNEL_SUPPORT)
-                if environment.boundary_map is None
-                else torch.zeros_like(distance, dtype=torch.bool)
-            )
-            allowed = torch.where(beside, density.clamp(min=1), 1.0)
+    delta_velocity, delta_position = torch.zeros_like(predicted_positions), torch.zeros_like(predicted_positions)
+    positions, rest_density = state.positions, None
+    for number in range(SUBSTEPS):
+        fallen = number * SUBSTEP_TIME * environment.gravity
+        velocities = state.velocities + delta_velocity  # without what gravity has added
+        graph = kernel_graph(positions, neighbors)
+        boundary, boundary_gradient = boundary_density(positions, predicted_positions, distance, normal, environment)
+        sums = kernel_sums(torch.cat([velocities, torch.ones_like(velocities[:, :1])], dim=-1), graph)
+        density = SELF_DENSITY * (1 + sums[:, 0, 3]) + boundary
+        density_gradient = GRADIENT_SCALE * sums[:, 1:4, 3] + boundary_gradient
+        squares = squared_gradient_sum(graph)
+        stiffness = density_gradient.square().sum(dim=-1) + GRADIENT_SCALE**2 * squares
+        dfsph_factor = torch.where(stiffness > MIN_SQUARED_GRADIENT, 1 / stiffness.clamp(min=MIN_SQUARED_GRADIENT), 0.0)
+        if rest_density is None:
+            # A solid without a map is not as plane as assumed: beside it the initial density is no error.
+            near = torch.zeros_like(distance, dtype=torch.bool)
+            if environment.boundary_map is None:
+                near = distance < KERNEL_SUPPORT
+            rest_density = torch.where(near, density.clamp(min=1), 1.0)
 
-        rise = rate_of(sums, speed, scale) + (slope_of_solids * (speed + fallen)).sum(dim=-1)
-        too_dense = (density - allowed).clamp(max=MOST_DENSE)
-        last = LastStep(seen, sums, speed, of_solid, slope_of_solids, slope, too_dense, rise)
-        against_rise = OF_RISE * rise.clamp(min=0)
-        by_gravity = STEP_TIME * (slope_of_solids * environment.gravity).sum(dim=-1)
-        excess = too_dense / STEP_TIME + fast(rise - against_rise) + by_gravity
-        pressures = ease * (against_rise + OF_EXCESS * excess.clamp(min=0))
-        dragged = STEP_TIME * viscosity(speed, place, density, scale, radius, seen)
-        faster = faster - pushed(pressures, slope, scale, seen) + dragged
-        farther = farther + STEP_TIME * faster
-        place = place + STEP_TIME * (state.velocities + faster + fallen + STEP_TIME * environment.gravity)
-    return faster, farther, last
+        density_rate = fluid_density_rate(sums, velocities) + (boundary_gradient * (velocities + fallen)).sum(dim=-1)
+        density_error = (density - rest_density).clamp(max=MAX_DENSITY_ERROR)
+        substep = Substep(
+            graph=graph,
+            kernel_sum=sums[:, 0, 3],
+            gradient_sum=sums[:, 1:4, 3],
+            squared_gradient_sum=squares,
+            velocity_difference=sums[:, 0, :3] - sums[:, 0, 3:] * velocities,
+            boundary_density=boundary,
+            boundary_gradient=boundary_gradient,
+            density_gradient=density_gradient,
+            density_error=density_error,
+            density_rate=density_rate,
+        )
+        divergence_source = DIVERGENCE_RELAXATION * density_rate.clamp(min=0)
+        gravity_rate = SUBSTEP_TIME * (boundary_gradient * environment.gravity).sum(dim=-1)
+        density_source = density_error / SUBSTEP_TIME + beyond_deadband(density_rate - divergence_source) + gravity_rate
+        pressure = dfsph_factor * (divergence_source + DENSITY_RELAXATION * density_source.clamp(min=0))
+        viscous = SUBSTEP_TIME * viscous_acceleration(velocities, positions, density, graph)
+        delta_velocity = delta_velocity - pressure_velocity(pressure, density_gradient, graph) + viscous
+        delta_position = delta_position + SUBSTEP_TIME * delta_velocity
+        positions = positions + SUBSTEP_TIME * (
+            state.velocities + delta_velocity + fallen + SUBSTEP_TIME * environment.gravity
+        )
+    return delta_velocity, delta_position, substep
 
 
-def of_solids(
-    place: Tensor, looked: Tensor, distance: Tensor, normal: Tensor, environment: Environment
+def boundary_density(
+    positions: Tensor, predicted_positions: Tensor, distance: Tensor, normal: Tensor, environment: Environment
 ) -> tuple[Tensor, Tensor]:
-    """What solid and walls add to density (N,) at a ``place`` (N, 3), and its slope (N, 3) there, a meter.
+    """Density (N,) of solid and walls at ``positions`` (N, 3), and its gradient (N, 3), 1/m.
 
-    Where the solid has no map it is taken for flat, by its ``distance`` (N,) and ``normal`` (N, 3) at the places
-    ``looked`` at (N, 3).
+    Without a boundary map the solid is a plane, given by ``distance`` (N,) and ``normal`` (N, 3) at the predicted
+    positions.
     """
     if environment.boundary_map is None:
-        distance = distance + ((place - looked) * normal).sum(dim=-1)
-        share = flat_share(distance)
+        distance = distance + ((positions - predicted_positions) * normal).sum(dim=-1)
+        fraction = plane_fraction(distance)
     else:
-        distance, share, normal = environment.boundary_map.look(place)
-    of_solid, rise = solid_density(distance, share)
-    of_walls, slope = walls_density(place, environment)
-    return of_solid + of_walls, slope - (rise / KERNEL_SUPPORT)[:, None] * normal
+        distance, fraction, normal = environment.boundary_map.query(positions)
+    solid, slope = solid_density(distance, fraction)
+    walls, walls_gradient = walls_density(positions, environment.lower, environment.upper)
+    return solid + walls, walls_gradient - (slope / KERNEL_SUPPORT)[:, None] * normal
 
 
-def fast(rise: Tensor) -> Tensor:
-    """By how much density rises or falls (N,) faster than what is SLOW, 1/s."""
-    return rise - rise.clamp(-SLOW, SLOW)
+def beyond_deadband(density_rate: Tensor) -> Tensor:
+    """The part of density rates (N,) beyond the deadband, 1/s."""
+    return density_rate - density_rate.clamp(-DIVERGENCE_DEADBAND, DIVERGENCE_DEADBAND)
 
 
-def own_density(radius: float) -> float:
-    """A particle's share of its own density, in units of the lattice's, by a kernel that reaches ``radius`` meters."""
-    return 8 / math.pi * (SPACING / radius) ** 3
+def squared_gradient_sum(graph: KernelGraph) -> Tensor:
+    """Sum over neighbors of squared kernel gradients (N,): with the square of their sum the stiffness of density."""
+    squares = graph.kernels[:, 1:].square().sum(dim=-1)
+    return squares.new_zeros(len(graph)).index_add(0, graph.neighbors.receivers, squares)
 
 
-def density_slope(radius: float) -> float:
-    """From the slope of kernels that reach ``radius`` meters to that of density, 1/m."""
-    return 2 * own_density(radius) / radius
+def fluid_density_rate(sums: Tensor, velocities: Tensor) -> Tensor:
+    """Rate (N,) of the fluid's density in 1/s, from the kernel sums of velocities and of one."""
+    relative = sums[:, 1:4, :3] - sums[:, 1:4, 3:] * velocities[:, None]
+    return -GRADIENT_SCALE * relative.diagonal(dim1=1, dim2=2).sum(dim=-1)
 
 
-def squares(seen: Graph) -> Tensor:
-    """The sum over neighbors of the squared slope (N, 1): with the square of their sum, how stiff density is."""
-    near = seen.neighborhood
-    slopes = seen.kernels[:, 1:].square().sum(dim=-1)
-    return slopes.new_zeros(len(seen)).index_add(0, near.receivers, slopes)[:, None]
+def pressure_velocity(pressure: Tensor, density_gradient: Tensor, graph: KernelGraph) -> Tensor:
+    """Velocities (N, 3) that pressures (N,) remove: the particle's own, and its neighbors'. Momentum is conserved."""
+    sums = kernel_sums(torch.cat([pressure[:, None], torch.zeros_like(density_gradient)], dim=-1), graph)
+    return pressure[:, None] * density_gradient + GRADIENT_SCALE * sums[:, 1:4, 0]
 
 
-def rate_of(sums: Tensor, velocities: Tensor, scale: float) -> Tensor:
-    """How fast the fluid's density (N,) rises by ``velocities`` (N, 3), 1/s, of their kernel sums and those of one."""
-    against = sums[:, 1:4, :3] - sums[:, 1:4, 3:] * velocities[:, None]
-    return -scale * against.diagonal(dim1=1, dim2=2).sum(dim=-1)
+def viscous_acceleration(velocities: Tensor, positions: Tensor, density: Tensor, graph: KernelGraph) -> Tensor:
+    """Acceleration (N, 3) by viscosity, m/s².
 
-
-def pushed(taken: Tensor, slope: Tensor, scale: float, seen: Graph) -> Tensor:
-    """The velocities (N, 3) that pressures ``taken`` (N,) take from the particles: their own, and their neighbors'."""
-    nothing = torch.zeros_like(slope)
-    sums = kernel_sums(torch.cat([taken[:, None], nothing], dim=-1), seen)
-    return taken[:, None] * slope + scale * sums[:, 1:4, 0]
-
-
-def viscosity(speed: Tensor, place: Tensor, density: Tensor, scale: float, radius: float, seen: Graph) -> Tensor:
-    """What viscosity does to particles (N, 3), m/s²: the solver's.
-
-    The Laplacian of velocities is that of J. J. Monaghan, "Smoothed particle hydrodynamics", Reports on Progress in
-    Physics 68, 2005: of two neighbors only the speed at which they part counts. The solver divides by the neighbor's
-    density, here it is the particle's own: the neighbor's is not known yet.
+    Laplacian of J. J. Monaghan, "Smoothed particle hydrodynamics", Reports on Progress in Physics 68, 2005. The
+    reference divides by the neighbor's density; here it is the particle's own, since the neighbor's is not known yet.
     """
-    near = seen.neighborhood
-    apart = place.index_select(0, near.senders) - place.index_select(0, near.receivers)
-    parting = speed.index_select(0, near.senders) - speed.index_select(0, near.receivers)
-    along = (parting * seen.kernels[:, 1:]).sum(dim=-1) / density.index_select(0, near.receivers)
-    each = along / (apart.square().sum(dim=-1) + SOFTENED * radius**2)
-    drag = torch.zeros_like(speed).index_add(0, near.receivers, each[:, None] * apart)
-    return DIMENSIONS * VISCOSITY * scale * drag
+    neighbors = graph.neighbors
+    displacement = positions.index_select(0, neighbors.senders) - positions.index_select(0, neighbors.receivers)
+    relative = velocities.index_select(0, neighbors.senders) - velocities.index_select(0, neighbors.receivers)
+    approach = (relative * graph.kernels[:, 1:]).sum(dim=-1) / density.index_select(0, neighbors.receivers)
+    weight = approach / (displacement.square().sum(dim=-1) + VISCOSITY_SOFTENING * KERNEL_SUPPORT**2)
+    sums = torch.zeros_like(velocities).index_add(0, neighbors.receivers, weight[:, None] * displacement)
+    return LAPLACIAN_FACTOR * VISCOSITY * GRADIENT_SCALE * sums

@@ -1,7 +1,8 @@
-"""Water among walls and solids that stand still only ever loses mechanical energy: a law that no step may break.
+"""Energy limiter: a frame adds no mechanical energy beyond a small bound.
 
-In the reference solver's truth it falls in every frame of every scene that was looked at; a network keeps to that by
-itself, but for the frames in which it is at a loss and throws particles about.
+Water among walls and solids at rest can only lose mechanical energy. In the reference it falls in every frame of
+every scene that was examined. A simulator in a state it cannot handle could throw particles about; the limiter
+prevents that.
 """
 
 from __future__ import annotations
@@ -10,33 +11,36 @@ import torch
 from torch import Tensor
 
 from surfsup import native
-from surfsup.learned.corrected.correction import LARGEST, Correction
-from surfsup.learned.corrected.features import DISPLACEMENT_SCALE
-from surfsup.sph.state import FRAME_TIME, ParticleState
+from surfsup.native.dispatch import can_run_native
+from surfsup.sph.state import ParticleState
 
-GAIN = 2e-3  # J/kg a frame: what a sound model gains now and then, of the 5 to 15 that a scene begins with
+MAX_ENERGY_GAIN = 2e-3  # J/kg in a frame, an occasional gain of a sound simulator; a scene begins with 5 to 15
+MAX_DELTA_VELOCITY = 5.0  # m/s in a frame; one true change in ten thousand exceeds 4.7
 HALVINGS = 10
 
 
 def energy_gain(state: ParticleState, positions: Tensor, velocities: Tensor, gravity: Tensor) -> float:
-    """How much mechanical energy a step from ``state`` to these positions and velocities (N, 3) adds, mean J/kg.
+    """Mechanical energy that a step from ``state`` to these positions and velocities (N, 3) adds, mean J/kg.
 
-    It decides what is done, and no gradient goes through it; so in single precision on the CPU it is added up in C++,
-    whose one thread is done before torch's have woken up.
+    The value decides between branches and carries no gradient. C++ sums it on one thread, in less time than torch
+    needs to wake its threads.
     """
-    step = [value.detach() for value in (state.positions, state.velocities, positions, velocities, gravity)]
-    if native.instruction_sets() and all(value.device.type == "cpu" and value.dtype == torch.float32 for value in step):
-        return native.energy_gain(*(value.contiguous().numpy() for value in step))
-    before, speed_before, after, speed_after, pull = step
-    kinetic = ((speed_after - speed_before) * (speed_after + speed_before)).sum(dim=-1) / 2
-    return float((kinetic - ((after - before) * pull).sum(dim=-1)).sum()) / max(1, len(after))
+    arrays = [value.detach() for value in (state.positions, state.velocities, positions, velocities, gravity)]
+    if can_run_native(*arrays):
+        return native.energy_gain(*(value.contiguous().numpy() for value in arrays))
+    old_positions, old_velocities, new_positions, new_velocities, acceleration = arrays
+    kinetic = ((new_velocities - old_velocities) * (new_velocities + old_velocities)).sum(dim=-1) / 2
+    work = ((new_positions - old_positions) * acceleration).sum(dim=-1)
+    return float((kinetic - work).sum()) / max(1, len(new_positions))
 
 
-def without_gain(state: ParticleState, positions: Tensor, velocities: Tensor, gravity: Tensor) -> tuple[Tensor, Tensor]:
-    """Positions and velocities (N, 3) of a step from ``state``, its corrections cut back until no energy is gained.
+def limit_energy_gain(
+    state: ParticleState, positions: Tensor, velocities: Tensor, gravity: Tensor
+) -> tuple[Tensor, Tensor]:
+    """A step from ``state`` with its deviations from free fall cut until it gains no energy.
 
-    The largest are cut first, at half of the bound each time, for those are what tears the water apart: the others
-    stay as they are. With none left it is ballistic motion, which gains nothing. What is no number stays so.
+    The largest deviations are cut first, to half of the bound each time: these tear the water apart, and smaller ones
+    stay as they are. With none left the motion is ballistic, which gains nothing. NaN stays NaN.
 
     Args:
         state: before the step.
@@ -44,15 +48,18 @@ def without_gain(state: ParticleState, positions: Tensor, velocities: Tensor, gr
         velocities: after it, m/s.
         gravity: (3,), m/s².
     """
-    if not energy_gain(state, positions, velocities, gravity) > GAIN:
+    if not energy_gain(state, positions, velocities, gravity) > MAX_ENERGY_GAIN:
         return positions, velocities
-    ahead, falling = state.ballistic(gravity)
-    correction = Correction(
-        (velocities - falling) * (FRAME_TIME / DISPLACEMENT_SCALE), (positions - ahead) / DISPLACEMENT_SCALE
-    )
+    predicted, falling = state.ballistic(gravity)
+    delta_velocity, delta_position = velocities - falling, positions - predicted
     for halving in range(1, HALVINGS + 1):
-        less = correction.bounded(LARGEST / 2**halving)
-        positions, velocities = less.added_to(ahead, falling)
-        if energy_gain(state, positions, velocities, gravity) <= GAIN:
+        fraction = kept_fraction(delta_velocity, MAX_DELTA_VELOCITY / 2**halving)
+        positions, velocities = predicted + fraction * delta_position, falling + fraction * delta_velocity
+        if energy_gain(state, positions, velocities, gravity) <= MAX_ENERGY_GAIN:
             return positions, velocities
-    return ahead, falling
+    return predicted, falling
+
+
+def kept_fraction(vectors: Tensor, bound: float) -> Tensor:
+    """The factors (N, 1), at most one, that shorten ``vectors`` (N, 3) to a length of at most ``bound``."""
+    return (bound / torch.linalg.vector_norm(vectors, dim=-1, keepdim=True).clamp(min=1e-9)).clamp(max=1)

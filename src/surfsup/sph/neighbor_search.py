@@ -1,4 +1,4 @@
-"""Which particles see which: all ordered pairs within the connectivity radius."""
+"""Neighbor search: all ordered pairs of particles within a radius."""
 
 from __future__ import annotations
 
@@ -10,18 +10,19 @@ from scipy.spatial import cKDTree
 from torch import Tensor
 
 from surfsup import native
+from surfsup.native.dispatch import can_run_native
 from surfsup.sph.cell_list import pairs_by_cells
-from surfsup.sph.stability import blown_up, collapsed, max_edges
+from surfsup.sph.stability import check_pairs, max_pairs, not_finite
 
 
 @dataclass(frozen=True)
 class NeighborList:
-    """Directed edges grouped by receiver.
+    """Directed edges, grouped by receiver.
 
     Attributes:
-        starts: (N + 1,) int64; the edges of receiver i are starts[i] up to starts[i + 1].
+        starts: (N + 1,) int64; the edges of receiver i are starts[i] to starts[i + 1].
         receivers: (E,) int64, ascending.
-        senders: (E,) int64. A particle is never its own sender; with (i, j) there is always (j, i).
+        senders: (E,) int64. No particle is its own neighbor; with (i, j) there is always (j, i).
     """
 
     starts: Tensor
@@ -30,51 +31,40 @@ class NeighborList:
 
 
 def find_neighbors(positions: Tensor, radius: float) -> NeighborList:
-    """All pairs of ``positions`` (N, 3) nearer than ``radius``, in both directions.
-
-    The search runs where the positions are; the result lies there too.
+    """All pairs of ``positions`` (N, 3) within ``radius`` meters, in both directions, on the positions' device.
 
     Raises:
-        SimulationError: a position is not finite, or the particles have collapsed into a clump, in which everybody
-            sees everybody.
+        SimulationError: a position is not finite, or the particles have collapsed into a clump.
     """
-    if positions.device.type == "cpu" and positions.dtype == torch.float32 and native.instruction_sets():
-        return find_neighbors_native(positions, radius)
-    find_pairs = pairs_by_tree if positions.device.type == "cpu" else pairs_by_cells
-    receivers, senders = find_pairs(positions, radius)
-    if len(receivers) > max_edges(len(positions), radius):
-        raise collapsed(radius)
-    count = torch.arange(len(positions) + 1, device=positions.device)
-    return NeighborList(torch.searchsorted(receivers, count), receivers, senders)
+    if can_run_native(positions.detach()):
+        return neighbors_native(positions, radius)
+    search = pairs_by_tree if positions.device.type == "cpu" else pairs_by_cells
+    receivers, senders = search(positions, radius)
+    check_pairs(len(receivers), len(positions), radius)
+    numbers = torch.arange(len(positions) + 1, device=positions.device)
+    return NeighborList(torch.searchsorted(receivers, numbers), receivers, senders)
 
 
-def find_neighbors_native(positions: Tensor, radius: float) -> NeighborList:
-    """The same by a cell list in C++.
-
-    Raises:
-        SimulationError: as in :func:`neighborhood`.
-    """
-    most = max_edges(len(positions), radius)
+def neighbors_native(positions: Tensor, radius: float) -> NeighborList:
+    """:func:`find_neighbors` by a cell list in C++."""
+    limit = max_pairs(len(positions), radius)
     points = positions.detach().contiguous().numpy()
-    edges, *found = native.find_pairs(points, radius, most, torch.get_num_threads())
-    if edges < 0:
-        raise blown_up()
-    if edges > most:
-        raise collapsed(radius)
+    pairs, *found = native.find_neighbor_pairs(points, radius, limit, torch.get_num_threads())
+    check_pairs(pairs, len(positions), radius)
     return NeighborList(*(torch.from_numpy(values) for values in found))
 
 
 def pairs_by_tree(positions: Tensor, radius: float) -> tuple[Tensor, Tensor]:
     """Receivers (E,) and senders (E,), ordered by receiver, then by sender.
 
-    By scipy's k-d tree, unbalanced, which is the fastest to build on a CPU (measured).
+    Uses scipy's k-d tree. An unbalanced tree is the fastest to build (measured).
 
     Raises:
         SimulationError: a position is not finite.
     """
     points = positions.detach().numpy()
     if not np.isfinite(points).all():
-        raise blown_up()
+        raise not_finite()
     tree = cKDTree(points, balanced_tree=False, compact_nodes=False)
     pairs = tree.query_pairs(radius, output_type="ndarray")
     receivers = np.concatenate([pairs[:, 0], pairs[:, 1]])
@@ -84,7 +74,7 @@ def pairs_by_tree(positions: Tensor, radius: float) -> tuple[Tensor, Tensor]:
 
 
 def join_neighbor_lists(parts: list[NeighborList]) -> NeighborList:
-    """Several neighborhoods side by side as one, with no edge between them."""
+    """Several lists as one, without edges between them."""
     starts, receivers, senders, particles, edges = [], [], [], 0, 0
     for part in parts:
         starts.append(part.starts[:-1] + edges)

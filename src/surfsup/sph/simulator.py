@@ -1,114 +1,84 @@
-"""The one interface of every learned simulator: a start, a step, a rollout."""
+"""The interface of every simulator: the DFSPH solver and the learned ones."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from itertools import islice
-from typing import ClassVar, Generic, Protocol, TypeVar
+from typing import ClassVar, Generic, Protocol, Self, TypeVar
 
 import torch
-from torch import Tensor, nn
+from torch import Tensor
 
-from surfsup.sph.state import Environment
-
-
-class Sizes(Protocol):
-    """What every simulator's architecture, a dataclass, has."""
-
-    @property
-    def width(self) -> int:
-        """Channels of every particle."""
-
-    @property
-    def layers(self) -> int:
-        """Steps of message passing."""
-
-    @property
-    def radius(self) -> float:
-        """Connectivity radius in meters."""
+from surfsup.sph.environment import Environment
 
 
 class FluidState(Protocol):
-    """What every simulator's state tells of the fluid at the end of a frame."""
+    """What the state of every simulator offers: the particles at the end of a frame."""
 
     @property
     def positions(self) -> Tensor:
         """(N, 3), meters."""
+        ...
 
     @property
     def velocities(self) -> Tensor:
         """(N, 3), m/s."""
+        ...
 
 
 StateType = TypeVar("StateType", bound=FluidState)
 
 
-class Simulator(nn.Module, ABC, Generic[StateType]):
-    """Moves fluid particles frame by frame; what it needs to remember of the fluid is its own kind of state.
+class Simulator(ABC, Generic[StateType]):
+    """Advances particles frame by frame. What it remembers of the past is its own type of state.
 
     Attributes:
-        kind: the name under which its weights are saved.
-        architecture_type: the dataclass of its sizes; it is made from one of these.
-        architecture: its sizes.
+        history_length: number of frames before the present one that a state holds.
     """
 
-    kind: ClassVar[str]
-    architecture_type: ClassVar[type]
-
-    def __init__(self, architecture: Sizes) -> None:
-        super().__init__()
-        self.architecture = architecture
-
-    @property
-    @abstractmethod
-    def past(self) -> int:
-        """How many frames before the present one a state tells of."""
+    history_length: ClassVar[int]
 
     @abstractmethod
-    def start(self, positions: Tensor, velocities: Tensor, environment: Environment) -> StateType:
-        """The state of particles (N, 3) at the start of a scene, whose unseen past, where it matters, was a free fall.
+    def initial_state(self, positions: Tensor, velocities: Tensor, environment: Environment) -> StateType:
+        """The state of particles at the start of a scene. A history is filled by free fall.
 
         Args:
             positions: (N, 3), meters.
             velocities: (N, 3), m/s.
-            environment: gives gravity.
+            environment: provides gravity.
         """
 
     @abstractmethod
-    def state_after(self, positions: Tensor, velocities: Tensor) -> StateType:
-        """The state at the last of consecutive true frames.
+    def state_from_frames(self, positions: Tensor, velocities: Tensor) -> StateType:
+        """The state at the last of consecutive frames of a trajectory.
 
         Args:
-            positions: (past + 1, N, 3), meters.
-            velocities: (past + 1, N, 3), m/s at the ends of the frames.
+            positions: (history_length + 1, N, 3), meters.
+            velocities: (history_length + 1, N, 3), m/s at the ends of the frames.
         """
 
     @abstractmethod
     def step(
         self, state: StateType, environment: Environment, handle_collisions: bool = True
     ) -> tuple[StateType, Tensor]:
-        """The state one step later, and which particles (N,) the guard had to move."""
+        """The state one step later, and which particles (N,) collision handling moved."""
 
-    def between(
-        self, before: StateType, after: StateType, environment: Environment, handle_collisions: bool
-    ) -> Iterator[tuple[StateType, Tensor]]:
-        """The frames that a step passes over; none where a step is a frame."""
-        return iter(())
+    def to(self, device: torch.device | str) -> Self:
+        """The simulator on a device. A simulator without weights computes where the state is."""
+        return self
 
     @torch.no_grad()
     def rollout(
         self, state: StateType, environment: Environment, frames: int, handle_collisions: bool = True
     ) -> Iterator[tuple[StateType, Tensor]]:
-        """Frame 0 and the frames after it, one at a time: each state and which particles were guarded."""
-        yield from islice(self._every_frame(state, environment, handle_collisions), frames)
+        """Frame 0 and the frames after it: each state, and which particles (N,) collision handling moved."""
+        yield from islice(self._all_frames(state, environment, handle_collisions), frames)
 
-    def _every_frame(
+    def _all_frames(
         self, state: StateType, environment: Environment, handle_collisions: bool
     ) -> Iterator[tuple[StateType, Tensor]]:
         yield state, torch.zeros(len(state.positions), dtype=torch.bool, device=state.positions.device)
         while True:
-            before = state
-            state, moved = self.step(before, environment, handle_collisions)
-            yield from self.between(before, state, environment, handle_collisions)
-            yield state, moved
+            state, collided = self.step(state, environment, handle_collisions)
+            yield state, collided

@@ -1,4 +1,4 @@
-"""When a fluid is no longer one: its particles have flown off, or see far more of each other than water does."""
+"""Signs that a simulation has failed: particles at infinity, or clumps far denser than water."""
 
 from __future__ import annotations
 
@@ -7,27 +7,34 @@ import math
 from surfsup.errors import SimulationError
 from surfsup.scene import PARTICLE_RADIUS
 
-MOST_CROWDED = 8  # times as many neighbors as in water, on the mean
+MAX_CROWDING = 8  # mean number of neighbors, in multiples of that in water
 
 
-def in_water(radius: float) -> float:
-    """How many neighbors a particle has in water at rest."""
+def neighbors_in_water(radius: float) -> float:
+    """Number of neighbors within ``radius`` meters of a particle in water at rest."""
     return 4 / 3 * math.pi * (radius / (2 * PARTICLE_RADIUS)) ** 3
 
 
-def max_edges(particles: int, radius: float) -> int:
-    """With more edges than this the fluid is no longer one."""
-    return int(MOST_CROWDED * in_water(radius) * particles)
+def max_pairs(particles: int, radius: float) -> int:
+    """Number of neighbor pairs beyond which the particles have collapsed."""
+    return int(MAX_CROWDING * neighbors_in_water(radius) * particles)
 
 
-def collapsed(radius: float) -> SimulationError:
-    """What to raise where everybody sees everybody."""
-    return SimulationError(
-        f"the simulation collapsed: more than {MOST_CROWDED * in_water(radius):.0f} particles are within {radius} m of "
-        f"one, on the mean, where water has {in_water(radius):.0f}"
-    )
+def check_pairs(pairs: int, particles: int, radius: float) -> None:
+    """Refuse the result of a neighbor search that counts ``pairs``, -1 for a position that is not finite.
+
+    Raises:
+        SimulationError: a position is not finite, or the particles have collapsed.
+    """
+    if pairs < 0:
+        raise not_finite()
+    if pairs > max_pairs(particles, radius):
+        raise SimulationError(
+            f"the simulation collapsed: a particle has more than {MAX_CROWDING * neighbors_in_water(radius):.0f} "
+            f"neighbors within {radius} m on average, where water has {neighbors_in_water(radius):.0f}"
+        )
 
 
-def blown_up() -> SimulationError:
-    """What to raise where a position is not finite."""
+def not_finite() -> SimulationError:
+    """The error for a position that is not finite."""
     return SimulationError("the simulation blew up: a particle's position is not a finite number")

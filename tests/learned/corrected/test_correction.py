@@ -1,53 +1,60 @@
+from types import SimpleNamespace
+
 import torch
 
-from surfsup.learned.corrected.correction import LARGEST, Correction
-from surfsup.learned.corrected.features import DISPLACEMENT_SCALE
-from surfsup.sph.dfsph import density_slope
-from surfsup.sph.kernel_sums import graph
+from surfsup.learned.corrected.correction import MAX_CORRECTION, Correction
+from surfsup.learned.corrected.features import DENSITY_SCALE, DISPLACEMENT_SCALE
+from surfsup.scene import FRAME_TIME
+from surfsup.sph.dfsph import GRADIENT_SCALE
+from surfsup.sph.kernel_sums import kernel_graph
+from surfsup.sph.kernels import KERNEL_SUPPORT
 from surfsup.sph.neighbor_search import find_neighbors
-from surfsup.sph.state import FRAME_TIME
 
 
-def test_the_largest_correction_is_five_meters_a_second():
-    assert LARGEST * DISPLACEMENT_SCALE / FRAME_TIME == 5.0
+def test_the_largest_correction_is_five_meters_per_second():
+    assert MAX_CORRECTION * DISPLACEMENT_SCALE / FRAME_TIME == 5.0
 
 
-def test_smaller_corrections_are_as_they_were():
-    small = Correction(torch.tensor([[0.0, 0.0, 0.0], [LARGEST, 0.0, 0.0]]), torch.tensor([[9.0, 0, 0], [7.0, 0, 0]]))
-    bounded = small.bounded()
-    torch.testing.assert_close(bounded.velocity, small.velocity)
-    torch.testing.assert_close(bounded.position, small.position)
+def test_small_corrections_do_not_change():
+    velocity = torch.tensor([[0.0, 0.0, 0.0], [MAX_CORRECTION, 0.0, 0.0]])
+    small = Correction(velocity, torch.tensor([[9.0, 0, 0], [7.0, 0, 0]]))
+    torch.testing.assert_close(small.bounded().velocity, small.velocity)
+    torch.testing.assert_close(small.bounded().position, small.position)
 
 
-def test_a_larger_one_keeps_its_direction_and_its_share_of_displacement():
-    large = Correction(torch.tensor([[0.0, 2 * LARGEST, 0.0]]), torch.tensor([[1.0, 2.0, 3.0]])).bounded()
-    torch.testing.assert_close(large.velocity, torch.tensor([[0.0, LARGEST, 0.0]]))
+def test_a_large_correction_keeps_its_direction_and_its_share_of_displacement():
+    large = Correction(torch.tensor([[0.0, 2 * MAX_CORRECTION, 0.0]]), torch.tensor([[1.0, 2.0, 3.0]])).bounded()
+    torch.testing.assert_close(large.velocity, torch.tensor([[0.0, MAX_CORRECTION, 0.0]]))
     torch.testing.assert_close(large.position, torch.tensor([[0.5, 1.0, 1.5]]))
 
 
-def test_added_to_what_falls():
+def test_a_correction_is_added_in_its_units():
     one = Correction(torch.tensor([[1.0, 0.0, 0.0]]), torch.tensor([[0.0, 1.0, 0.0]]))
     positions, velocities = one.added_to(torch.zeros(1, 3), torch.ones(1, 3))
     torch.testing.assert_close(positions, torch.tensor([[0.0, DISPLACEMENT_SCALE, 0.0]]))
     torch.testing.assert_close(velocities, torch.tensor([[1.0 + DISPLACEMENT_SCALE / FRAME_TIME, 1.0, 1.0]]))
 
 
-def against(rise: list[float], shares: list[float]) -> torch.Tensor:
-    """What two particles side by side are made to do, (2, 3)."""
-    places, radius = torch.tensor([[0.0, 0.0, 0.0], [0.02, 0.0, 0.0]]), 0.06
-    seen, scale = graph(places, find_neighbors(places, radius), radius), density_slope(radius)
-    slope = scale * torch.stack([kernels[1:] for kernels in seen.kernels])  # each has the other alone
-    return Correction.against(torch.tensor(rise), torch.tensor(shares), slope, scale, seen).velocity
+def velocity_by_pressure(scaled_rate: list[float], output: list[float]) -> torch.Tensor:
+    """The velocity corrections (2, 3) of two particles next to each other along x."""
+    positions = torch.tensor([[0.0, 0.0, 0.0], [0.02, 0.0, 0.0]])
+    graph = kernel_graph(positions, find_neighbors(positions, KERNEL_SUPPORT))
+    substep = SimpleNamespace(
+        graph=graph,
+        density_gradient=GRADIENT_SCALE * graph.kernels[:, 1:],  # each has the other as its only neighbor
+        density_rate=torch.tensor(scaled_rate) * DENSITY_SCALE / FRAME_TIME,
+    )
+    return Correction.from_pressure(torch.tensor(output), SimpleNamespace(substep=substep)).velocity
 
 
-def test_pressures_push_both_apart_equally():
-    one, other = against([1.0, 0.0], [2.0, 3.0])
+def test_a_pressure_pushes_both_particles_apart_equally():
+    one, other = velocity_by_pressure([1.0, 0.0], [2.0, 3.0])
     assert one[0] < -0.1
     assert not one[1:].any()
     torch.testing.assert_close(other, -one)
-    torch.testing.assert_close(against([2.0, 0.0], [1.0, 3.0])[0], one)  # a share of what rises
+    torch.testing.assert_close(velocity_by_pressure([2.0, 0.0], [1.0, 3.0])[0], one)  # proportional to the rate
 
 
-def test_nothing_is_done_where_density_does_not_rise_and_nothing_draws_together():
-    assert not against([-1.0, 0.0], [2.0, 3.0]).any()
-    assert not against([1.0, 1.0], [-2.0, -0.1]).any()
+def test_without_a_positive_density_rate_there_is_no_correction_and_nothing_attracts():
+    assert not velocity_by_pressure([-1.0, 0.0], [2.0, 3.0]).any()
+    assert not velocity_by_pressure([1.0, 1.0], [-2.0, -0.1]).any()

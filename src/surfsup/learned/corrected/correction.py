@@ -1,4 +1,4 @@
-"""What the network adds to what the rule has made: pressures, and what these do."""
+"""The correction that a network adds to a frame of the solver: pressures, and the motion they cause."""
 
 from __future__ import annotations
 
@@ -7,19 +7,20 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from surfsup.learned.corrected.features import DISPLACEMENT_SCALE
-from surfsup.sph.dfsph import pushed
-from surfsup.sph.kernel_sums import Graph
-from surfsup.sph.state import FRAME_TIME
+from surfsup.learned.corrected.features import DISPLACEMENT_SCALE, scaled_density_rate
+from surfsup.scene import FRAME_TIME
+from surfsup.sph.dfsph import pressure_velocity
+from surfsup.sph.energy import MAX_DELTA_VELOCITY
+from surfsup.sph.solver import Observation
 
 POSITION_SHARE = 0.62  # of a frame's velocity correction that shows in its displacement (measured)
-PRESSURE_SCALE = 5e-4  # m²/s: what, where density's slope is 40 a meter, makes a DISPLACEMENT_SCALE a frame
-LARGEST = 5.0 * FRAME_TIME / DISPLACEMENT_SCALE  # 5 m/s in a frame; of true ones one in ten thousand is beyond 4.7 m/s
+PRESSURE_SCALE = 5e-4  # m²/s: at a density gradient of 40 per meter it causes one DISPLACEMENT_SCALE per frame
+MAX_CORRECTION = MAX_DELTA_VELOCITY * FRAME_TIME / DISPLACEMENT_SCALE
 
 
 @dataclass(frozen=True)
 class Correction:
-    """What is added to places and velocities, in DISPLACEMENT_SCALE.
+    """What is added to positions and velocities, in ``DISPLACEMENT_SCALE``.
 
     Attributes:
         velocity: (N, 3), to the end velocity times the frame time.
@@ -30,35 +31,33 @@ class Correction:
     position: Tensor
 
     @classmethod
-    def against(cls, rise: Tensor, shares: Tensor, slope: Tensor, scale: float, seen: Graph) -> Correction:
-        """What pressures against the rise of density do to the particles, which push each other and solids, equally.
+    def from_pressure(cls, output: Tensor, observation: Observation) -> Correction:
+        """The motion that pressures against a positive density rate cause.
 
-        So nothing that a network says moves the water as a whole, nor presses it together: a network free to say any
-        velocity did, and made single frames better and rollouts worse (measured). Where density does not rise it says
-        nothing: a network free to say any pressure carried a part of a pool in one push a frame, and made it tremble.
+        Particles and solids push each other equally, so that momentum is conserved and nothing is compressed. A
+        network free to choose velocities made single frames better and rollouts worse (measured). Without a positive
+        density rate the pressure is zero: a network free to choose any pressure carried part of a pool's weight in one
+        push a frame, and made it tremble.
 
         Args:
-            rise: (N,) of density, told as in :mod:`.features`; a fall counts as none.
-            shares: (N,) of it, in PRESSURE_SCALE; negative ones count as none.
-            slope: (N, 3) of density, 1/m.
-            scale: from the kernels' slope to density's, 1/m.
-            seen: the neighbors.
+            output: (N,) of the network, in units of ``PRESSURE_SCALE`` and the scaled density rate; negative values
+                count as zero.
+            observation: the frame to correct.
         """
-        taken = pushed(PRESSURE_SCALE * shares.clamp(min=0) * rise.clamp(min=0), slope, scale, seen)
-        velocity = -taken * (FRAME_TIME / DISPLACEMENT_SCALE)
+        pressure = PRESSURE_SCALE * output.clamp(min=0) * scaled_density_rate(observation).clamp(min=0)
+        substep = observation.substep
+        removed = pressure_velocity(pressure, substep.density_gradient, substep.graph)
+        velocity = -removed * (FRAME_TIME / DISPLACEMENT_SCALE)
         return cls(velocity, POSITION_SHARE * velocity)
 
-    def bounded(self, largest: float = LARGEST) -> Correction:
-        """The same, but where that of the velocity is larger than ``largest`` both are shortened by as much.
-
-        So a network that meets what it has never seen cannot tear the water apart.
-        """
-        size = torch.linalg.vector_norm(self.velocity, dim=-1, keepdim=True)
-        share = (largest / size.clamp(min=1e-6)).clamp(max=1)
-        return Correction(share * self.velocity, share * self.position)
+    def bounded(self, bound: float = MAX_CORRECTION) -> Correction:
+        """The same, shortened where the velocity exceeds ``bound``; so no network can tear the water apart."""
+        length = torch.linalg.vector_norm(self.velocity, dim=-1, keepdim=True)
+        fraction = (bound / length.clamp(min=1e-6)).clamp(max=1)
+        return Correction(fraction * self.velocity, fraction * self.position)
 
     def added_to(self, positions: Tensor, velocities: Tensor) -> tuple[Tensor, Tensor]:
-        """Positions (N, 3) in meters and velocities (N, 3) in m/s, corrected."""
+        """Corrected positions (N, 3) in meters and velocities (N, 3) in m/s."""
         return (
             positions + DISPLACEMENT_SCALE * self.position,
             velocities + DISPLACEMENT_SCALE / FRAME_TIME * self.velocity,

@@ -5,25 +5,11 @@
 #include <tuple>
 
 #include "sdf/mesh.hpp"
-#include "bindings/module.hpp"
-#include "sph/solver.hpp"
+#include "bindings/arrays.hpp"
 #include "sdf/solid.hpp"
-#include "sph/boundary_map.hpp"
 #include "sdf/triangles.hpp"
 
 namespace {
-
-void make_map(surfsup::SolidMap* map, Vector lower, Vector cell, Whole resolution, Whole places, Nodes nodes) {
-    expect(resolution.shape(0), 3, "resolution");
-    int64_t cells = 1;
-    for (int axis = 0; axis < 3; ++axis) cells *= resolution.data()[axis];
-    expect(places.shape(0), static_cast<size_t>(cells), "places");
-    for (int64_t k = 0; k < cells; ++k)
-        if (places.data()[k] >= static_cast<int64_t>(nodes.shape(0)) - 1) throw std::invalid_argument("a cell has nodes that are not there");
-    new (map) surfsup::SolidMap{{lower.data(), lower.data() + 3}, {}, {nodes.data(), nodes.data() + nodes.size()},
-                                {resolution.data(), resolution.data() + 3}, {places.data(), places.data() + cells}};
-    for (int axis = 0; axis < 3; ++axis) map->per_cell.push_back(1.0f / cell.data()[axis]);
-}
 
 // A network of a solid with its weights, as they are when it is made, and what keeps the memory of its lattice.
 struct HeldField {
@@ -135,7 +121,7 @@ void look(const surfsup::Solid& solid, Vectors points, NewValues distance, std::
         throw std::invalid_argument("there are more points than a native solid can count");
     expect(distance.shape(0), count, "distance");
     if (normal) expect(normal->shape(0), count, "normal");
-    const surfsup::Isa& chosen = isa_of(isa);
+    const surfsup::Isa& chosen = surfsup::isa_of(isa);
     const nb::gil_scoped_release unlocked;
     solid.look(points.data(), static_cast<int32_t>(count), distance.data(), normal ? normal->data() : nullptr, chosen, threads);
 }
@@ -174,7 +160,7 @@ void sample(const GivenGrid& given, Points points, NewLengths distance, NewPoint
 
 }  // namespace
 
-surfsup::Ask ask_of(const nb::object& solid, const surfsup::Isa& isa, int threads) {
+surfsup::SolidQuery solid_query(const nb::object& solid, const surfsup::Isa& isa, int threads) {
     if (solid.is_none()) return {};
     if (const surfsup::Solid* known; nb::try_cast(solid, known))
         return [known, &isa, threads](float* points, int32_t count, float* distance, float* normal) {
@@ -198,9 +184,6 @@ void add_solids(nb::module_& module) {
         .def("__init__", make_triangles, array("vertices"), array("faces"))
         .def("nearest", nearest, array("points"), array("at_most").none(), array("distance"), array("face"),
              array("closest"), "threads"_a);
-    nb::class_<surfsup::SolidMap>(module, "SolidMap")
-        .def("__init__", make_map, array("lower"), array("cell"), array("resolution"), array("places"), array("nodes"));
-
     nb::class_<surfsup::Solid>(module, "Solid")
         .def(nb::init<const std::string&, const std::vector<float>&, const std::vector<const surfsup::Solid*>&>(), "kind"_a,
              "numbers"_a, "parts"_a)

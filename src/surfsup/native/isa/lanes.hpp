@@ -1,5 +1,5 @@
-// A vector of as many floats as this translation unit's instruction set has lanes, and the few functions of it that
-// the step needs. It is compiled once a isa, each time in that isa's own namespace: nothing here may be shared.
+// A vector with the lanes of this translation unit's instruction set, and its functions. Compiled once for every instruction set,
+// each time in a namespace of its own: nothing here may be shared.
 #pragma once
 
 #include <cstdint>
@@ -14,16 +14,13 @@ namespace {
 
 #if defined(__AVX512F__)
 constexpr int LANES = 16;
-constexpr int ROWS = 12;  // particles in a block of the products: 12 x 2 sums fit the 32 registers
-constexpr int AT_ONCE = 2;   // neighbors whose sums are made side by side: 2 x 4 kernels x 2 vectors fit
+constexpr int ROWS = 12;  // particles in a block: 12 x 2 sums of a matrix product fit the 32 registers
 #elif defined(__AVX2__)
 constexpr int LANES = 8;
 constexpr int ROWS = 6;     // 6 x 2 sums fit the 16 registers
-constexpr int AT_ONCE = 1;  // 4 kernels x 2 vectors fit
 #else
 constexpr int LANES = 4;
 constexpr int ROWS = 6;
-constexpr int AT_ONCE = 1;
 #endif
 
 typedef float Floats __attribute__((vector_size(4 * LANES)));
@@ -58,11 +55,11 @@ inline Floats square_root(Floats values) {
 #endif
 }
 
-// 1 / x to 2e-7 of it, for normal x whose reciprocal is normal too.
+// 1 / x with relative error 2e-7, for normal x with a normal reciprocal.
 inline Floats reciprocal(Floats x) {
 #if defined(__AVX512F__)
     const Floats guess = (Floats)_mm512_rcp14_ps((__m512)x);
-    return guess * (2.0f - x * guess);  // a step of Newton's
+    return guess * (2.0f - x * guess);  // one Newton step
 #elif defined(__AVX2__)
     const Floats guess = (Floats)_mm256_rcp_ps((__m256)x);
     return guess * (2.0f - x * guess);
@@ -71,7 +68,7 @@ inline Floats reciprocal(Floats x) {
 #endif
 }
 
-// 1 / square root of x to 3e-7 of it, for normal x.
+// 1 / sqrt(x) with relative error 3e-7, for normal x.
 inline Floats reciprocal_root(Floats x) {
 #if defined(__AVX512F__)
     const Floats guess = (Floats)_mm512_rsqrt14_ps((__m512)x);
@@ -86,17 +83,17 @@ inline Floats reciprocal_root(Floats x) {
 #endif
 }
 
-// A comparison with NaN is false, so NaN stays NaN in both.
+// NaN stays NaN: comparisons with it are false.
 inline Floats at_most(Floats values, float most) { return values > most ? splat(most) : values; }
 inline Floats at_least(Floats values, float least) { return values < least ? splat(least) : values; }
 
-// Nearest whole number of values that an int can hold, by the rounding of an addition.
+// Nearest integer of values within the range of an int, by the rounding of an addition.
 inline Floats rounded(Floats values) {
     const Floats shift = splat(12582912.0f);  // 1.5 * 2^23
     return (values + shift) - shift;
 }
 
-// e^x to 2e-7 of its size; beyond +-87 as at +-87.
+// e^x with relative error 2e-7; the argument is clamped to +-87.
 inline Floats exponential(Floats x) {
     x = at_least(at_most(x, 87.0f), -87.0f);
     const Floats whole = rounded(x * 1.44269504f);
@@ -131,10 +128,10 @@ inline float sum(Floats values) {
 #endif
 }
 
-// Eight floats on every isa, for what comes in eights.
+// Eight floats with every instruction set.
 typedef float Eight __attribute__((vector_size(32)));
 
-// The sums of the lanes of eight vectors: together they take less than half as long as one by one.
+// Sums of the lanes of eight vectors. Together they take less than half the time of one by one.
 inline void sum_each(const Eight (&values)[8], float* to) {
 #if defined(__AVX2__)
     __m256 fours[2];
@@ -155,7 +152,7 @@ inline void sum_each(const Eight (&values)[8], float* to) {
 #endif
 }
 
-// Half of a vector's lanes added to the other half, where there are more than eight; filled up where there are fewer.
+// Folds more than eight lanes onto eight by addition; pads fewer with zeros.
 inline Eight as_eight(Floats values) {
 #if defined(__AVX512F__)
     return (Eight)_mm256_add_ps(_mm512_castps512_ps256((__m512)values), _mm512_extractf32x8_ps((__m512)values, 1));
@@ -166,7 +163,7 @@ inline Eight as_eight(Floats values) {
 #endif
 }
 
-// The first four numbers each of rows of ROW.
+// Gathers the first four floats of rows of ROW floats.
 template <int ROW>
 inline void pick_four(const float* from, const int32_t* index, Floats& x, Floats& y, Floats& z, Floats& w) {
 #if defined(__AVX512F__) || defined(__AVX2__)
@@ -204,7 +201,7 @@ inline void pick_four(const float* from, const int32_t* index, Floats& x, Floats
 }
 
 #if defined(__AVX2__) && !defined(__AVX512F__)
-// For every set of lanes the order that brings these to the front.
+// For every lane mask the permutation that moves its lanes to the front.
 struct Fronts {
     int32_t of[1 << LANES][LANES];
     constexpr Fronts() : of{} {
@@ -216,7 +213,7 @@ struct Fronts {
 alignas(64) constexpr Fronts FRONTS{};
 #endif
 
-// Appends the lanes that are set to a list of `length`, which must have room for LANES more; returns the new length.
+// Appends the lanes of a mask to a list of `length` entries, which must have room for LANES more. Returns the new length.
 inline int64_t append(int32_t* to, int64_t length, Ints set, Ints index) {
 #if defined(__AVX512F__)
     const __mmask16 mask = _mm512_movepi32_mask((__m512i)set);

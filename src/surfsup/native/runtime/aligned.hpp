@@ -1,4 +1,4 @@
-// Memory that begins where a cache line does: a vector that lies across two costs two accesses.
+// Memory aligned to cache lines: a vector across two lines costs two accesses.
 #pragma once
 
 #include <cstdlib>
@@ -18,7 +18,7 @@ inline void* take_aligned(size_t bytes) {
     const size_t size = (bytes + alignment - 1) / alignment * alignment;
     void* memory = std::aligned_alloc(alignment, size);
 #if defined(__linux__)
-    // Small pages of large memory are looked up all the time; whether the system grants large ones is its affair.
+    // Large pages save TLB misses. The system may ignore the advice.
     if (memory && alignment == HUGE_PAGE) madvise(memory, size, MADV_HUGEPAGE);
 #endif
     return memory;

@@ -3,7 +3,7 @@
 #include <algorithm>
 
 #include "runtime/aligned.hpp"
-#include "sph/frame.hpp"
+#include "isa/isa.hpp"
 
 namespace surfsup {
 

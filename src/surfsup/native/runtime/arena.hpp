@@ -1,4 +1,4 @@
-// Memory of one thread for the length of a step.
+// Memory of one thread for the duration of a frame.
 #pragma once
 
 #include <cstdint>
@@ -8,8 +8,8 @@
 
 namespace surfsup {
 
-// Hands out pieces of large chunks. `reset` takes all pieces back and keeps the chunks: fresh memory from the system
-// costs a page fault every 4 KB.
+// Allocates pieces of large chunks. `reset` frees all pieces and keeps the chunks: fresh memory from the system costs a page
+// fault every 4 KB.
 class Arena {
 public:
     void* take(int64_t bytes);

@@ -14,25 +14,24 @@ namespace {
 using Work = std::function<void(int, int32_t, int32_t)>;
 using Clock = std::chrono::steady_clock;
 
-// How long a helper stays awake in wait of the next loop: a step is many short ones, one right after the other. Longer
-// would take the core from torch's own threads, or from others.
+// How long a helper spins in wait of the next loop. A frame consists of many short loops; spinning longer would take the core
+// from other threads.
 constexpr auto AWAKE = std::chrono::microseconds(50);
 
-void alone(int32_t count, int32_t portion, const Work& work) {
+void run_alone(int32_t count, int32_t portion, const Work& work) {
     for (int64_t begin = 0; begin < count; begin += portion)
         work(0, static_cast<int32_t>(begin), static_cast<int32_t>(std::min<int64_t>(count, begin + portion)));
 }
 
-// An OpenMP loop ends when all its threads have come to the end, those too that were waiting for a core all along; where
-// others compute beside us each of the short loops of a step then costs a turn of the scheduler. Here the caller works until
-// nothing is left, and waits only for helpers that are in the middle of a portion. After a fork there are no helpers;
-// then it does everything.
+// An OpenMP loop ends when all of its threads have finished, even those that never got a core; on a busy machine every short
+// loop then costs a scheduler turn. Here the caller works until no portion is left and waits only for helpers within a portion.
+// After a fork there are no helpers, and the caller does everything.
 class Pool {
 public:
     void run(int threads, int32_t count, int32_t portion, const Work& work) {
         const std::unique_lock<std::mutex> mine(running_, std::try_to_lock);
-        if (!mine) {  // somebody else's loop has the helpers
-            alone(count, portion, work);
+        if (!mine) {  // another loop uses the helpers
+            run_alone(count, portion, work);
             return;
         }
         hire(threads - 1);
@@ -53,14 +52,14 @@ private:
         try {
             for (; helpers_ < helpers; ++helpers_) std::thread(&Pool::help, this, helpers_ + 1).detach();
         } catch (const std::system_error&) {
-            // The system gives no more threads; those that there are do.
+            // The system allows no more threads; the existing ones suffice.
         }
     }
 
     void help(int thread) {
         for (;;) {
             wait_for_work();
-            // Announced first and looked at again after: then either the caller sees us, or we see that it has closed.
+            // Announce first, then check: either the caller sees this helper, or the helper sees that the loop is closed.
             ++inside_;
             if (open_ && thread < threads_) take_portions(thread);
             if (--inside_ == 0 && !open_) {
@@ -71,7 +70,7 @@ private:
         }
     }
 
-    // At first awake, for a portion is short; then asleep, for a helper may be waiting for this very core.
+    // Spins first, since a portion is short; then sleeps, since the helper may be waiting for this very core.
     void wait_for_helpers() {
         const auto enough = Clock::now() + AWAKE;
         while (inside_ > 0 && Clock::now() < enough) continue;
@@ -111,7 +110,7 @@ void in_parallel(int threads, int32_t count, int32_t portion, const Work& work) 
     if (threads > 1 && count > portion)
         pool.run(threads, count, portion, work);
     else
-        alone(count, portion, work);
+        run_alone(count, portion, work);
 }
 
 }  // namespace surfsup

@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <memory>
 
-#include "sph/frame.hpp"
+#include "isa/isa.hpp"
 
 namespace surfsup {
 

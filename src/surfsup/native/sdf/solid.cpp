@@ -5,7 +5,6 @@
 #include <stdexcept>
 
 #include "runtime/aligned.hpp"
-#include "sph/solver.hpp"
 #include "runtime/threads.hpp"
 
 namespace surfsup {

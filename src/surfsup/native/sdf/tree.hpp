@@ -30,17 +30,4 @@ struct Tree {
     const LeafLook* looks;       // at each leaf from these points, in its own frame
 };
 
-// Neighbors as torch keeps them: the edges of particle i are starts[i] up to starts[i + 1], four kernels an edge.
-// With every edge there is its reverse, whose kernels differ in the sign of all but the first.
-struct Sparse {
-    int32_t count;
-    const int64_t *starts, *senders;
-    const float* kernels;
-};
-
-// Of a particle, and of these the first that its neighbors are told of; both multiples of 16.
-struct Channels {
-    int width, messages;
-};
-
 }  // namespace surfsup

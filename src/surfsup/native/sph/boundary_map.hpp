@@ -1,4 +1,4 @@
-// The solid as the solver feels it, see solid_map.py.
+// Boundary volume map of a solid: signed distance and volume fraction in cubic cells, see sph/boundary/map_interpolation.py.
 #pragma once
 
 #include <cstddef>
@@ -7,33 +7,34 @@
 
 namespace surfsup {
 
-constexpr int NODES = 32;
+constexpr int NODES = 32;  // of a cubic serendipity cell
 
-// A cell's nodes lie side by side: their distances, then their shares. What is in no cell is as in the last one.
-struct MapView {
-    float lower[3], per_cell[3];  // meters, cells a meter
+// The nodes of a cell are contiguous: their distances, then their volume fractions. The last cell stands for all places that
+// lie in no stored cell.
+struct BoundaryMapView {
+    float lower[3], cells_per_meter[3];
     int32_t resolution[3];
-    float turn[9];                // rows; points are looked up where its transpose takes them
-    const int32_t* places;        // nullptr where there is no map
+    float rotation[9];            // row by row; points are mapped by its transpose
+    const int32_t* cell_indices;  // index of each grid cell among the stored ones, -1 if none; nullptr without a map
     const float* nodes;
-    int64_t last;
+    int64_t last_cell;
 };
 
-// What keeps the tables of a map.
-struct SolidMap {
-    std::vector<float> lower, per_cell, nodes;
-    std::vector<int32_t> resolution, places;
+// Owner of the arrays of a map.
+struct BoundaryMap {
+    std::vector<float> lower, cells_per_meter, nodes;
+    std::vector<int32_t> resolution, cell_indices;
 
-    MapView view(const float* turn) const {
-        MapView view{};
+    BoundaryMapView view(const float* rotation) const {
+        BoundaryMapView view{};
         for (int axis = 0; axis < 3; ++axis) {
             const auto a = static_cast<size_t>(axis);
-            view.lower[axis] = lower[a], view.per_cell[axis] = per_cell[a], view.resolution[axis] = resolution[a];
+            view.lower[axis] = lower[a], view.cells_per_meter[axis] = cells_per_meter[a], view.resolution[axis] = resolution[a];
         }
-        for (int k = 0; k < 9; ++k) view.turn[k] = turn[k];
-        view.places = places.data();
+        for (int k = 0; k < 9; ++k) view.rotation[k] = rotation[k];
+        view.cell_indices = cell_indices.data();
         view.nodes = nodes.data();
-        view.last = static_cast<int64_t>(nodes.size()) / (2 * NODES) - 1;
+        view.last_cell = static_cast<int64_t>(nodes.size()) / (2 * NODES) - 1;
         return view;
     }
 };

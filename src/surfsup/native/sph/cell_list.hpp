@@ -1,4 +1,4 @@
-// Particles sorted by the cell that they lie in.
+// Particles sorted by grid cell.
 #pragma once
 
 #include <cstdint>
@@ -10,11 +10,12 @@ namespace surfsup {
 
 class CellList {
 public:
-    // Sorts `count` positions (count, 3). Cells are a little wider than `radius`, so that all neighbors of a
-    // particle lie in the 27 cells around its own. Whether all positions were finite.
-    bool sort(const float* positions, int32_t count, float radius);
+    // Sorts positions (count, 3). Cells are slightly wider than the kernel support, so that all neighbors of a particle lie in
+    // the 27 cells around its own. False where a position is not finite.
+    bool sort(const float* positions, int32_t count, float kernel_support);
 
     Cells cells() const;
+    // The caller's index of each sorted particle.
     const int32_t* order() const { return order_.data(); }
 
 private:

@@ -7,126 +7,130 @@
 namespace surfsup {
 namespace {
 
-// A learned distance may exaggerate: it is believed half, or what comes to the same, a way counts twice.
-constexpr float BELIEVED = 2.0f;
+// Lipschitz bound of a signed distance: a neural distance may exceed the true one by this factor.
+constexpr float LIPSCHITZ_BOUND = 2.0f;
 
-// One particle is brought between the walls, and what of its velocity points out taken away; whether it had to be moved.
+// Clamps a particle into the box and removes velocity that points out. Returns whether it moved; NaN counts as moved.
 bool contain(float* position, float* velocity, const float* lower, const float* upper) {
-    bool crossed = false;
+    bool moved = false;
     for (int axis = 0; axis < 3; ++axis) {
-        const float place = position[axis];
-        const float inside = place < lower[axis] ? lower[axis] : place > upper[axis] ? upper[axis] : place;
-        if (inside == place) continue;
-        crossed = true;  // or no number
-        if (velocity[axis] * (inside - place) < 0) velocity[axis] = 0;
+        const float value = position[axis];
+        const float inside = value < lower[axis] ? lower[axis] : value > upper[axis] ? upper[axis] : value;
+        if (inside == value) continue;
+        moved = true;
+        if (velocity[axis] * (inside - value) < 0) velocity[axis] = 0;
         position[axis] = inside;
     }
-    return crossed;
+    return moved;
 }
 
-// One particle that lacks so many meters is pushed out along the normal, and what of its velocity points in taken away.
-void push(float* position, float* velocity, float missing, const float* normal) {
-    const float speed = velocity[0] * normal[0] + velocity[1] * normal[1] + velocity[2] * normal[2];
-    const float inward = speed > 0 ? 0 : speed;
+// Moves a particle along the normal and removes velocity that points into the solid.
+void project(float* position, float* velocity, float depth, const float* normal) {
+    const float normal_velocity = velocity[0] * normal[0] + velocity[1] * normal[1] + velocity[2] * normal[2];
+    const float inward = normal_velocity > 0 ? 0 : normal_velocity;
     for (int axis = 0; axis < 3; ++axis) {
-        position[axis] += missing * normal[axis];
+        position[axis] += depth * normal[axis];
         velocity[axis] -= inward * normal[axis];
     }
 }
 
-float way(const float* from, const float* to) {
+float distance_between(const float* from, const float* to) {
     const float x = to[0] - from[0], y = to[1] - from[1], z = to[2] - from[2];
     return std::sqrt(x * x + y * y + z * z);
 }
 
-// Particles that may be nearer than `clearance` to the solid; what is no number may be anywhere.
-std::vector<int32_t> within_reach(const float* positions, const float* places, const float* distance, int32_t count, float clearance) {
-    std::vector<int32_t> found;
+// Particles that may be nearer than `clearance` to the solid, judged by their last query. NaN positions are included.
+std::vector<int32_t> possibly_near(const float* positions, const LastQuery& last_query, int32_t count, float clearance) {
+    std::vector<int32_t> near;
     for (int32_t i = 0; i < count; ++i) {
         const int64_t at = 3 * static_cast<int64_t>(i);
-        if (!(BELIEVED * way(places + at, positions + at) < distance[i] - clearance)) found.push_back(i);
+        if (!(LIPSCHITZ_BOUND * distance_between(last_query.positions + at, positions + at) < last_query.distance[i] - clearance)) near.push_back(i);
     }
-    return found;
+    return near;
 }
 
-// What the solid tells of some of the particles.
-struct Looked {
+// Distances and normals of some of the particles.
+struct SubsetQuery {
     std::vector<float> points, distance, normal;
 
-    void ask(const Ask& solid, const float* positions, const std::vector<int32_t>& at, bool with_normal) {
+    void run(const SolidQuery& solid, const float* positions, const std::vector<int32_t>& subset, bool with_normal) {
         points.clear();
-        for (const int32_t i : at) points.insert(points.end(), positions + 3 * static_cast<int64_t>(i), positions + 3 * static_cast<int64_t>(i) + 3);
-        distance.resize(at.size()), normal.resize(points.size());
-        solid(points.data(), static_cast<int32_t>(at.size()), distance.data(), with_normal ? normal.data() : nullptr);
+        for (const int32_t i : subset) points.insert(points.end(), positions + 3 * static_cast<int64_t>(i), positions + 3 * static_cast<int64_t>(i) + 3);
+        distance.resize(subset.size()), normal.resize(points.size());
+        solid(points.data(), static_cast<int32_t>(subset.size()), distance.data(), with_normal ? normal.data() : nullptr);
     }
 };
 
 }  // namespace
 
-void look_again(const float* ahead, int32_t count, float clearance, const Ask& ask, float* places, float* distance, float* at_least) {
-    const std::vector<int32_t> near = within_reach(ahead, places, distance, count, clearance);
+void update_query(const float* positions, int32_t count, float clearance, const SolidQuery& solid, const LastQuery& last_query,
+                  float* lower_bound) {
+    const std::vector<int32_t> near = possibly_near(positions, last_query, count, clearance);
     if (!near.empty()) {
-        Looked looked;
-        looked.ask(ask, ahead, near, false);
+        SubsetQuery query;
+        query.run(solid, positions, near, false);
         for (size_t k = 0; k < near.size(); ++k) {
             const int64_t i = near[k];
-            for (int64_t at = 3 * i; at < 3 * i + 3; ++at) places[at] = ahead[at];
-            distance[i] = looked.distance[k];
+            for (int64_t at = 3 * i; at < 3 * i + 3; ++at) last_query.positions[at] = positions[at];
+            last_query.distance[i] = query.distance[k];
         }
     }
-    for (int64_t i = 0; i < count; ++i) at_least[i] = distance[i] - BELIEVED * way(places + 3 * i, ahead + 3 * i);
+    for (int64_t i = 0; i < count; ++i)
+        lower_bound[i] = last_query.distance[i] - LIPSCHITZ_BOUND * distance_between(last_query.positions + 3 * i, positions + 3 * i);
 }
 
-void guard(const float* before, float* positions, float* velocities, bool* moved, int32_t count, const Clearance& clearance,
-           const Ask& ask, const float* places, const float* distance) {
+void resolve_collisions(const float* before, float* positions, float* velocities, bool* collided, int32_t count,
+                        const Container& container, const CollisionParameters& parameters, const SolidQuery& solid,
+                        const LastQuery* last_query) {
     float lower[3], upper[3];
-    for (int axis = 0; axis < 3; ++axis) lower[axis] = clearance.lower[axis] + clearance.meters, upper[axis] = clearance.upper[axis] - clearance.meters;
-    const auto contain_one = [&](int64_t i) { return contain(positions + 3 * i, velocities + 3 * i, lower, upper); };
-    for (int64_t i = 0; i < count; ++i) moved[i] = contain_one(i);
-    if (!ask) return;
-    std::vector<int32_t> at;
-    if (places) {
-        at = within_reach(positions, places, distance, count, clearance.meters);
+    for (int axis = 0; axis < 3; ++axis)
+        lower[axis] = container.lower[axis] + parameters.clearance, upper[axis] = container.upper[axis] - parameters.clearance;
+    const auto contain_particle = [&](int64_t i) { return contain(positions + 3 * i, velocities + 3 * i, lower, upper); };
+    for (int64_t i = 0; i < count; ++i) collided[i] = contain_particle(i);
+    if (!solid) return;
+    std::vector<int32_t> active;
+    if (last_query) {
+        active = possibly_near(positions, *last_query, count, parameters.clearance);
     } else {
-        at.resize(static_cast<size_t>(count));
-        std::iota(at.begin(), at.end(), 0);
+        active.resize(static_cast<size_t>(count));
+        std::iota(active.begin(), active.end(), 0);
     }
-    Looked looked;
-    for (int round = 0; round < clearance.rounds && !at.empty(); ++round) {
-        looked.ask(ask, positions, at, true);
-        std::vector<int32_t> pushed;
-        for (size_t k = 0; k < at.size(); ++k) {
-            const float missing = clearance.meters - looked.distance[k];
-            if (!(missing > clearance.tolerance)) continue;
-            const int64_t i = at[k];
-            push(positions + 3 * i, velocities + 3 * i, missing, looked.normal.data() + 3 * k);
-            contain_one(i);
-            moved[i] = true;
-            pushed.push_back(at[k]);
+    SubsetQuery query;
+    for (int round = 0; round < parameters.rounds && !active.empty(); ++round) {
+        query.run(solid, positions, active, true);
+        std::vector<int32_t> projected;
+        for (size_t k = 0; k < active.size(); ++k) {
+            const float depth = parameters.clearance - query.distance[k];
+            if (!(depth > parameters.tolerance)) continue;
+            const int64_t i = active[k];
+            project(positions + 3 * i, velocities + 3 * i, depth, query.normal.data() + 3 * k);
+            contain_particle(i);
+            collided[i] = true;
+            projected.push_back(active[k]);
         }
-        at = std::move(pushed);
+        active = std::move(projected);
     }
-    if (at.empty()) return;
-    looked.ask(ask, positions, at, false);
-    for (size_t k = 0; k < at.size(); ++k) {
-        if (!(looked.distance[k] < 0)) continue;
-        for (int64_t here = 3 * static_cast<int64_t>(at[k]), end = here + 3; here < end; ++here) positions[here] = before[here], velocities[here] = 0;
+    if (active.empty()) return;
+    query.run(solid, positions, active, false);
+    for (size_t k = 0; k < active.size(); ++k) {
+        if (!(query.distance[k] < 0)) continue;
+        for (int64_t at = 3 * static_cast<int64_t>(active[k]), end = at + 3; at < end; ++at) positions[at] = before[at], velocities[at] = 0;
     }
 }
 
 double energy_gain(const float* positions, const float* velocities, const float* new_positions, const float* new_velocities,
                    int64_t count, const float* gravity) {
-    double gained = 0;
+    double gain = 0;
     for (int64_t i = 0; i < 3 * count; i += 3) {
-        float kinetic = 0, fallen = 0;
+        float kinetic = 0, work = 0;
         for (int axis = 0; axis < 3; ++axis) {
             const float before = velocities[i + axis], after = new_velocities[i + axis];
             kinetic += 0.5f * (after - before) * (after + before);
-            fallen += (new_positions[i + axis] - positions[i + axis]) * gravity[axis];
+            work += (new_positions[i + axis] - positions[i + axis]) * gravity[axis];
         }
-        gained += kinetic - fallen;
+        gain += kinetic - work;
     }
-    return count ? gained / static_cast<double>(count) : 0;
+    return count ? gain / static_cast<double>(count) : 0;
 }
 
 }  // namespace surfsup

@@ -1,33 +1,38 @@
-// What happens to every particle besides the step itself: the look at the solid, the guard, the account of energy.
-// Of all arrays, those of particles are (count, 3); positions in meters, velocities in m/s.
+// Collision handling and the energy balance of a frame. Arrays of particles are (count, 3); positions in meters, velocities in m/s.
 #pragma once
 
 #include <cstdint>
 #include <functional>
 
+#include "sph/parameters.hpp"
+
 namespace surfsup {
 
-// Asks a solid for the distance (count) and unit normal (count, 3), unless that is null, of points (count, 3), which belong to
-// whoever asks: torch takes nothing that may not be written.
-using Ask = std::function<void(float* points, int32_t count, float* distance, float* normal)>;
+// Queries a solid for the signed distance (count) and, unless null, the unit normal (count, 3) of points (count, 3). The points
+// belong to the caller but are not const, since torch takes writable memory only.
+using SolidQuery = std::function<void(float* points, int32_t count, float* distance, float* normal)>;
 
-// How close to solid and walls a particle may come.
-struct Clearance {
-    const float *lower, *upper;  // corners of the container
-    float meters, tolerance;     // from walls and solid to a particle's middle, and how short of it from a solid it may stay
-    int rounds;                  // pushes at most
+// Where each particle last queried the solid (count, 3), and its distance there (count), meters.
+struct LastQuery {
+    float *positions, *distance;
 };
 
-// Asks about those particles that, now `ahead`, may be nearer than `clearance` to the solid, having been `distance` (count)
-// from it at `places`; both become those of now. `at_least` (count): how far the solid is off `ahead`, or farther.
-void look_again(const float* ahead, int32_t count, float clearance, const Ask& ask, float* places, float* distance, float* at_least);
+struct Container {
+    const float *lower, *upper;
+};
 
-// The guard, see guard.py; in place, and marks whom it `moved` (count). `ask` may be empty; so may `places` and `distance` be
-// null: then every particle is looked at.
-void guard(const float* before, float* positions, float* velocities, bool* moved, int32_t count, const Clearance& clearance,
-           const Ask& ask, const float* places, const float* distance);
+// Queries the solid for those particles at `positions` that may be nearer than `clearance`, judged by their last query, which is
+// updated. Writes a lower bound of the distance of all particles (count).
+void update_query(const float* positions, int32_t count, float clearance, const SolidQuery& solid, const LastQuery& last_query,
+                  float* lower_bound);
 
-// How much mechanical energy a step adds, mean J/kg: see energy.py.
+// Moves particles out of solid and walls in place, see sph/collision.py, and marks them in `collided` (count). `before` are the
+// positions at the frame's start. `solid` may be empty; without `last_query` every particle queries it.
+void resolve_collisions(const float* before, float* positions, float* velocities, bool* collided, int32_t count,
+                        const Container& container, const CollisionParameters& parameters, const SolidQuery& solid,
+                        const LastQuery* last_query);
+
+// Mechanical energy that a frame adds, mean J/kg, see sph/energy.py.
 double energy_gain(const float* positions, const float* velocities, const float* new_positions, const float* new_velocities,
                    int64_t count, const float* gravity);
 

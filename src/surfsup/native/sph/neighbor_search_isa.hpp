@@ -1,7 +1,7 @@
-// The search for neighbors, compiled once a isa.
+// Neighbor search in a cell list, compiled once for every instruction set.
 #pragma once
 
-#include "sph/frame.hpp"
+#include "isa/isa.hpp"
 #include "isa/lanes.hpp"
 
 namespace ISA {
@@ -11,37 +11,36 @@ using namespace surfsup;
 
 inline int32_t wrapped(int32_t cell, int32_t size) { return cell < 0 ? cell + size : cell >= size ? cell - size : cell; }
 
-// What a cell's place along one axis adds to its number, where `tiles` is how many tiles further one is in memory.
+// What a cell coordinate along one axis adds to the cell number; `tiles` is the distance in memory to the next tile.
 inline int32_t number_along(int32_t cell, int32_t tiles, int32_t cells) {
     return cell / TILE * (tiles * TILE * TILE * TILE) + cell % TILE * cells;
 }
 
-// Where particles are, and which; lists with room.
-struct Places {
+// Positions and indices of particles, as arrays of their own.
+struct Candidates {
     float *x, *y, *z;
     int32_t* index;
 };
 
-// Room for `count` places and a vector more.
-inline bool make_room(Arena& arena, int64_t count, Places& places) {
+// Allocates `count` candidates and room for a vector more.
+inline bool allocate(Arena& arena, int64_t count, Candidates& candidates) {
     const int64_t room = (count + 2 * LANES - 1) / LANES * LANES;
     auto* memory = static_cast<float*>(take(arena, 4 * 4 * room));
-    places = {memory, memory + room, memory + 2 * room, reinterpret_cast<int32_t*>(memory + 3 * room)};
+    candidates = {memory, memory + room, memory + 2 * room, reinterpret_cast<int32_t*>(memory + 3 * room)};
     return memory != nullptr;
 }
 
-// What a thread needs to look for neighbors: all that is in the 27 cells around one, and for each row of a block those of
-// it within the radius.
+// A thread's buffers: the particles of the 27 cells around one cell and, for each row of a block, those within the support.
 struct Search {
-    int32_t cell = 0;  // that was seen last, counted from one
+    int32_t cell = 0;  // whose candidates are held, counted from one
     int64_t count = 0, room = 0;
-    Places candidates{};
+    Candidates candidates{};
     int32_t* within[ROWS]{};
     int64_t found[ROWS]{}, row_room[ROWS]{};
 };
 
-// Copies what is in the cells around `cell`, filled up to whole vectors by what is infinitely far.
-inline bool see_cell(const Frame& frame, int32_t cell, Search& search, Arena& arena) {
+// Copies the particles of the cells around `cell`, padded with a particle at infinity. False where memory ran out.
+inline bool gather_candidates(const Frame& frame, int32_t cell, Search& search, Arena& arena) {
     const Cells& cells = frame.cells;
     const int32_t *tiles = cells.size, tile = cell / (TILE * TILE * TILE), in_tile = cell % (TILE * TILE * TILE);
     const int32_t x = tile / (tiles[1] * tiles[2]) * TILE + in_tile / (TILE * TILE);
@@ -61,16 +60,16 @@ inline bool see_cell(const Frame& frame, int32_t cell, Search& search, Arena& ar
         for (const int32_t at_y : along_y)
             for (const int32_t at_z : along_z) {
                 const int32_t number = at_x + at_y + at_z, first = cells.first[number], last = cells.first[number + 1];
-                // Which cells are empty cannot be foretold: without a branch, the next one takes the place.
+                // Branch-free: an empty cell's range is overwritten by the next one. A branch would be mispredicted often.
                 begin[ranges] = first, end[ranges] = last;
                 ranges += first != last;
                 search.count += last - first;
             }
     if (search.count > search.room || search.room == 0) {
         search.room = 2 * search.count + 1;
-        if (!make_room(arena, search.room, search.candidates)) return false;
+        if (!allocate(arena, search.room, search.candidates)) return false;
     }
-    const Places& to = search.candidates;
+    const Candidates& to = search.candidates;
     int64_t at = 0;
     for (int r = 0; r < ranges; ++r) {
         const int32_t size = end[r] - begin[r];
@@ -89,57 +88,66 @@ inline bool see_cell(const Frame& frame, int32_t cell, Search& search, Arena& ar
     return true;
 }
 
-// Finds for a row what is within the radius of a sorted particle, among the candidates; whether there was memory.
-inline bool find_within(const Frame& frame, int32_t i, int row, Search& search, Arena& arena) {
+// Selects the candidates within the support of sorted particle i into a row. False where memory ran out.
+inline bool select_within(const Frame& frame, int32_t i, int row, Search& search, Arena& arena) {
     if (search.row_room[row] < search.room) {
         search.within[row] = static_cast<int32_t*>(take(arena, 4 * (search.room + LANES)));
         if (!search.within[row]) return false;
         search.row_room[row] = search.room;
     }
-    const float radius = frame.constants.radius;
+    const float support = frame.parameters->kernel_support;
     const Floats px = splat(frame.x[i]), py = splat(frame.y[i]), pz = splat(frame.z[i]);
     int64_t found = 0;
     for (int64_t k = 0; k < search.count; k += LANES) {
         const Floats x = load(search.candidates.x + k) - px, y = load(search.candidates.y + k) - py;
         const Floats z = load(search.candidates.z + k) - pz;
         const Ints index = load_ints(search.candidates.index + k);
-        const Ints within = (x * x + y * y + z * z <= radius * radius) & (index != i);
+        const Ints within = (x * x + y * y + z * z <= support * support) & (index != i);
         found = append(search.within[row], found, within, index);
     }
     search.found[row] = found;
     return true;
 }
 
-// The neighbors of a sorted particle, which is a row of the search; whether there was memory.
-inline bool keep_edges(const Frame& frame, int32_t i, int row, const Search& search, Arena& arena) {
+// Stores a row of the search as the neighbors of sorted particle i. False where memory ran out.
+inline bool store_neighbors(const Frame& frame, int32_t i, int row, const Search& search, Arena& arena) {
     const int32_t* within = search.within[row];
-    const int64_t count = search.found[row], filled = (count + LANES - 1) / LANES * LANES;
-    auto* memory = static_cast<float*>(take(arena, 4 * (1 + 1) * filled));
+    const int64_t count = search.found[row], padded = (count + LANES - 1) / LANES * LANES;
+    auto* memory = static_cast<float*>(take(arena, 4 * (1 + 1) * padded));
     if (!memory) return false;
-    auto* senders = reinterpret_cast<int32_t*>(memory);
-    std::memcpy(senders, within, 4 * static_cast<size_t>(count));
-    for (int64_t e = count; e < filled; ++e) senders[e] = frame.count;
-    frame.edges[i] = {senders, memory + filled, static_cast<int32_t>(count), static_cast<int32_t>(filled)};
+    auto* indices = reinterpret_cast<int32_t*>(memory);
+    std::memcpy(indices, within, 4 * static_cast<size_t>(count));
+    for (int64_t k = count; k < padded; ++k) indices[k] = frame.count;
+    frame.neighbors[i] = {indices, memory + padded, static_cast<int32_t>(count), static_cast<int32_t>(padded)};
     return true;
 }
 
-int64_t look(const Frame& frame, int32_t begin, int32_t end, Arena& arena, Arena& searching, void* memory) {
+int64_t find_neighbors(const Frame& frame, int32_t begin, int32_t end, Arena& arena, Arena& searching, void* memory) {
     auto& search = *static_cast<Search*>(memory);
-    int64_t edges = 0;
+    int64_t pairs = 0;
     for (int32_t block = begin; block < end; block += ROWS) {
         const int here = end - block < ROWS ? end - block : ROWS;
         for (int row = 0; row < here; ++row) {
             const int32_t i = block + row, cell = frame.cells.of[i];
-            if (cell + 1 != search.cell && !see_cell(frame, cell, search, searching)) return -1;
-            if (!find_within(frame, i, row, search, searching)) return -1;
+            if (cell + 1 != search.cell && !gather_candidates(frame, cell, search, searching)) return -1;
+            if (!select_within(frame, i, row, search, searching)) return -1;
         }
-        // One thing after the other for all rows: what has only just been written piece by piece cannot be read at once.
+        // A loop of its own: reading a row right after its piecewise stores would stall store forwarding.
         for (int row = 0; row < here; ++row) {
-            if (!keep_edges(frame, block + row, row, search, arena)) return -1;
-            edges += search.found[row];
+            if (!store_neighbors(frame, block + row, row, search, arena)) return -1;
+            pairs += search.found[row];
         }
     }
-    return edges;
+    return pairs;
+}
+
+int64_t find_within(const Frame& frame, int32_t i, Arena& arena, void* memory, const int32_t*& indices) {
+    auto& search = *static_cast<Search*>(memory);
+    const int32_t cell = frame.cells.of[i];
+    if (cell + 1 != search.cell && !gather_candidates(frame, cell, search, arena)) return -1;
+    if (!select_within(frame, i, 0, search, arena)) return -1;
+    indices = search.within[0];
+    return search.found[0];
 }
 
 }  // namespace

@@ -1,4 +1,4 @@
-// A whole frame of a rollout: the network's step, and what every frame has besides.
+// A whole frame: free fall, query of the solid, DFSPH substeps, energy limit, collision handling.
 #pragma once
 
 #include <cstdint>
@@ -8,25 +8,20 @@
 
 namespace surfsup {
 
-// From where each particle looked at the solid last (count, 3), and how far that was off it (count), meters.
-struct LastLook {
-    float *places, *distance;
-};
-
-// What a frame leaves: (count, 3), (count, 3), (count).
-struct Reached {
+// What a frame writes: (count, 3), (count, 3), (count).
+struct NewState {
     float *positions, *velocities;
-    bool* moved;
+    bool* collided;
 };
 
-struct Outcome {
-    int64_t edges;  // as of Network::step
-    bool done;      // false where more energy was gained than may be, so that this and the guard are the caller's
+struct StepResult {
+    int64_t pairs;  // of neighbors, see Solver::advance
+    bool finished;  // false where the energy limit was exceeded: limiting and collision handling are left to the caller
 };
 
-// Free fall, the look at the solid, the step, the account of energy and, unless `guarded` is false, the guard. Of `fluid`
-// the ballistic places and what is told of the solid there are made here.
-Outcome next_frame(Network& network, Fluid fluid, const Ask& solid, const Clearance& clearance, bool guarded,
-                   double most_gain, const LastLook& last, const Reached& reached, const Isa& isa, int threads, int64_t most_edges);
+// `fluid` needs neither predicted positions nor distances and normals of the solid: they are computed here. `last_query` holds where
+// each particle last queried the solid and is updated.
+StepResult step(Solver& solver, Fluid fluid, const SolidQuery& solid, bool handle_collisions, const LastQuery& last_query,
+                const NewState& state, const SubstepRecord& record, const Isa& isa, int threads, int64_t max_pairs);
 
 }  // namespace surfsup

@@ -1,0 +1,31 @@
+"""Any simulator by its name: the solver, shipped weights, or a weights file."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from surfsup.learned import weights_file
+from surfsup.learned.weights_file import Card
+from surfsup.sph.simulator import Simulator
+from surfsup.sph.solver import DfsphSolver
+
+DEFAULT_SIMULATOR = "dfsph"
+
+
+def load_simulator(name: str) -> tuple[Simulator[Any], Card | None]:
+    """The simulator of a name, and the card of its weights, if it has any.
+
+    Args:
+        name: ``dfsph`` for the solver, the name of shipped weights such as ``surfsup``, or the path of a weights file.
+
+    Raises:
+        InputError: there is no such simulator, or its file cannot be used.
+    """
+    if name == DEFAULT_SIMULATOR:
+        return DfsphSolver(), None
+    return weights_file.load(weights_file.find(name))
+
+
+def simulator_names() -> list[str]:
+    """The names that :func:`load_simulator` knows without a file, the default first."""
+    return [DEFAULT_SIMULATOR, *weights_file.shipped()]

@@ -1,0 +1,168 @@
+// The DFSPH solver in Python.
+#include <limits>
+#include <optional>
+#include <tuple>
+
+#include "bindings/arrays.hpp"
+#include "sph/neighbor_pairs.hpp"
+#include "sph/step.hpp"
+
+namespace {
+
+using Nodes = Array<const float, nb::shape<-1, 2, surfsup::NODES>>;
+using NewKernelSums = Array<float, nb::shape<-1, surfsup::KERNEL_SUMS>>;
+
+int32_t checked_count(size_t count) {
+    if (count >= static_cast<size_t>(std::numeric_limits<int32_t>::max()) / surfsup::MOTION_ROW)
+        throw std::invalid_argument("there are more particles than the native solver can count");
+    return static_cast<int32_t>(count);
+}
+
+void make_boundary_map(surfsup::BoundaryMap* map, Vector lower, Vector cell, SmallIndices resolution, SmallIndices cell_indices, Nodes nodes) {
+    expect(resolution.shape(0), 3, "resolution");
+    int64_t cells = 1;
+    for (int axis = 0; axis < 3; ++axis) cells *= resolution.data()[axis];
+    expect(cell_indices.shape(0), static_cast<size_t>(cells), "cell_indices");
+    for (int64_t k = 0; k < cells; ++k)
+        if (cell_indices.data()[k] >= static_cast<int64_t>(nodes.shape(0)) - 1)
+            throw std::invalid_argument("a cell index exceeds the number of stored cells");
+    new (map) surfsup::BoundaryMap{{lower.data(), lower.data() + 3},
+                                   {},
+                                   {nodes.data(), nodes.data() + nodes.size()},
+                                   {resolution.data(), resolution.data() + 3},
+                                   {cell_indices.data(), cell_indices.data() + cells}};
+    for (int axis = 0; axis < 3; ++axis) map->cells_per_meter.push_back(1.0f / cell.data()[axis]);
+}
+
+// Arrays of a particle's last substep, in the order of surfsup::SubstepRecord.
+using Record = std::tuple<NewVectors, NewKernelSums, NewVectors, NewValues, NewVectors, NewValues, NewValues>;
+
+surfsup::SubstepRecord record_of(const std::optional<Record>& record, size_t count) {
+    if (!record) return {};
+    const auto& [positions, kernel_sums, density_gradient, boundary_density, boundary_gradient, density_error, density_rate] = *record;
+    for (const size_t rows : {positions.shape(0), kernel_sums.shape(0), density_gradient.shape(0), boundary_density.shape(0),
+                              boundary_gradient.shape(0), density_error.shape(0), density_rate.shape(0)})
+        expect(rows, count, "an array of the record");
+    return {positions.data(), kernel_sums.data(), density_gradient.data(), boundary_density.data(), boundary_gradient.data(),
+            density_error.data(), density_rate.data()};
+}
+
+surfsup::StepResult step(surfsup::Solver& solver, Vectors positions, Vectors velocities, Vector gravity, Vector lower, Vector upper,
+                         const surfsup::BoundaryMap* boundary_map, Matrix3 rotation, const nb::object& solid, bool handle_collisions,
+                         NewVectors query_positions, NewValues query_distance, NewVectors new_positions, NewVectors new_velocities,
+                         NewFlags collided, const std::optional<Record>& record, const std::string& isa, int threads, int64_t max_pairs) {
+    const size_t count = positions.shape(0);
+    expect(velocities.shape(0), count, "velocities");
+    expect(query_positions.shape(0), count, "query_positions");
+    expect(query_distance.shape(0), count, "query_distance");
+    expect(new_positions.shape(0), count, "new_positions");
+    expect(new_velocities.shape(0), count, "new_velocities");
+    expect(collided.shape(0), count, "collided");
+    const surfsup::Isa& chosen = surfsup::isa_of(isa);
+    const surfsup::SolidQuery query = solid_query(solid, chosen, threads);
+    const surfsup::Fluid fluid = {checked_count(count), positions.data(), velocities.data(), nullptr, nullptr, nullptr, gravity.data(),
+                                  lower.data(), upper.data(),
+                                  boundary_map ? boundary_map->view(rotation.data()) : surfsup::BoundaryMapView{}};
+    const surfsup::SubstepRecord written = record_of(record, count);
+    const nb::gil_scoped_release unlocked;
+    return surfsup::step(solver, fluid, query, handle_collisions, {query_positions.data(), query_distance.data()},
+                         {new_positions.data(), new_velocities.data(), collided.data()}, written, chosen, threads, max_pairs);
+}
+
+void resolve_collisions(Vectors before, NewVectors positions, NewVectors velocities, NewFlags collided, Vector lower, Vector upper,
+                        const surfsup::CollisionParameters& parameters, const nb::object& solid, std::optional<NewVectors> query_positions,
+                        std::optional<NewValues> query_distance, const std::string& isa, int threads) {
+    const size_t count = positions.shape(0);
+    expect(before.shape(0), count, "before");
+    expect(velocities.shape(0), count, "velocities");
+    expect(collided.shape(0), count, "collided");
+    if (query_positions.has_value() != query_distance.has_value())
+        throw std::invalid_argument("query_positions and query_distance must be given together");
+    if (query_positions) expect(query_positions->shape(0), count, "query_positions");
+    if (query_distance) expect(query_distance->shape(0), count, "query_distance");
+    const surfsup::SolidQuery query = solid_query(solid, surfsup::isa_of(isa), threads);
+    surfsup::LastQuery last_query{};
+    if (query_positions) last_query = {query_positions->data(), query_distance->data()};
+    const nb::gil_scoped_release unlocked;
+    surfsup::resolve_collisions(before.data(), positions.data(), velocities.data(), collided.data(), checked_count(count),
+                                {lower.data(), upper.data()}, parameters, query, query_positions ? &last_query : nullptr);
+}
+
+double energy_gain(Vectors positions, Vectors velocities, Vectors new_positions, Vectors new_velocities, Vector gravity) {
+    const size_t count = positions.shape(0);
+    expect(velocities.shape(0), count, "velocities");
+    expect(new_positions.shape(0), count, "new_positions");
+    expect(new_velocities.shape(0), count, "new_velocities");
+    return surfsup::energy_gain(positions.data(), velocities.data(), new_positions.data(), new_velocities.data(),
+                                static_cast<int64_t>(count), gravity.data());
+}
+
+// Hands a vector over to NumPy.
+nb::ndarray<nb::numpy, int64_t, nb::ndim<1>> to_numpy(std::vector<int64_t>&& values) {
+    auto* kept = new std::vector<int64_t>(std::move(values));
+    nb::capsule owner(kept, [](void* vector) noexcept { delete static_cast<std::vector<int64_t>*>(vector); });
+    return {kept->data(), {kept->size()}, owner};
+}
+
+nb::tuple find_neighbor_pairs(Vectors positions, double radius, int64_t max_pairs, int threads) {
+    surfsup::NeighborPairs pairs;
+    const int32_t count = checked_count(positions.shape(0));
+    {
+        const nb::gil_scoped_release unlocked;
+        pairs = surfsup::find_neighbor_pairs(positions.data(), count, radius, max_pairs, threads);
+    }
+    return nb::make_tuple(pairs.count, to_numpy(std::move(pairs.starts)), to_numpy(std::move(pairs.receivers)), to_numpy(std::move(pairs.senders)));
+}
+
+}  // namespace
+
+void add_solver(nb::module_& module) {
+    using surfsup::BoundaryParameters, surfsup::CollisionParameters, surfsup::SolverParameters, surfsup::StepResult;
+    module.def("find_neighbor_pairs", find_neighbor_pairs, array("positions"), "radius"_a, "max_pairs"_a, "threads"_a);
+    module.def("energy_gain", energy_gain, array("positions"), array("velocities"), array("new_positions"), array("new_velocities"),
+               array("gravity"));
+    module.def("resolve_collisions", resolve_collisions, array("before"), array("positions"), array("velocities"), array("collided"),
+               array("lower"), array("upper"), "parameters"_a, "solid"_a.none(), array("query_positions").none(),
+               array("query_distance").none(), "isa"_a, "threads"_a);
+
+    nb::class_<surfsup::BoundaryMap>(module, "BoundaryMap")
+        .def("__init__", make_boundary_map, array("lower"), array("cell"), array("resolution"), array("cell_indices"), array("nodes"));
+    nb::class_<BoundaryParameters>(module, "BoundaryParameters")
+        .def(nb::init<>())
+        .def_rw("distance_offset", &BoundaryParameters::distance_offset)
+        .def_rw("min_distance", &BoundaryParameters::min_distance)
+        .def_rw("strength", &BoundaryParameters::strength)
+        .def_rw("wall_cell", &BoundaryParameters::wall_cell)
+        .def_rw("min_wall_distance", &BoundaryParameters::min_wall_distance)
+        .def_rw("fraction_start", &BoundaryParameters::fraction_start)
+        .def_rw("fraction_step", &BoundaryParameters::fraction_step)
+        .def_rw("plane_fraction", &BoundaryParameters::plane_fraction);
+    nb::class_<CollisionParameters>(module, "CollisionParameters")
+        .def(nb::init<>())
+        .def_rw("clearance", &CollisionParameters::clearance)
+        .def_rw("tolerance", &CollisionParameters::tolerance)
+        .def_rw("rounds", &CollisionParameters::rounds);
+    nb::class_<SolverParameters>(module, "SolverParameters")
+        .def(nb::init<>())
+        .def_rw("kernel_support", &SolverParameters::kernel_support)
+        .def_rw("frame_time", &SolverParameters::frame_time)
+        .def_rw("substeps", &SolverParameters::substeps)
+        .def_rw("self_density", &SolverParameters::self_density)
+        .def_rw("divergence_relaxation", &SolverParameters::divergence_relaxation)
+        .def_rw("density_relaxation", &SolverParameters::density_relaxation)
+        .def_rw("divergence_deadband", &SolverParameters::divergence_deadband)
+        .def_rw("min_squared_gradient", &SolverParameters::min_squared_gradient)
+        .def_rw("max_density_error", &SolverParameters::max_density_error)
+        .def_rw("viscosity", &SolverParameters::viscosity)
+        .def_rw("viscosity_softening", &SolverParameters::viscosity_softening)
+        .def_rw("max_energy_gain", &SolverParameters::max_energy_gain)
+        .def_rw("boundary", &SolverParameters::boundary)
+        .def_rw("collision", &SolverParameters::collision);
+    nb::class_<StepResult>(module, "StepResult").def_ro("pairs", &StepResult::pairs).def_ro("finished", &StepResult::finished);
+    nb::class_<surfsup::Solver>(module, "Solver")
+        .def(nb::init<SolverParameters>(), "parameters"_a)
+        .def("step", step, nb::kw_only(), array("positions"), array("velocities"), array("gravity"), array("lower"), array("upper"),
+             "boundary_map"_a.none(), array("rotation"), "solid"_a.none(), "handle_collisions"_a, array("query_positions"),
+             array("query_distance"), array("new_positions"), array("new_velocities"), array("collided"), array("record").none(), "isa"_a,
+             "threads"_a, "max_pairs"_a);
+}

@@ -1,0 +1,57 @@
+// The functions that are compiled once for every instruction set and chosen at run time.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "learned/convolution_data.hpp"
+#include "sdf/field.hpp"
+#include "sdf/tree.hpp"
+#include "sph/frame.hpp"
+
+namespace surfsup {
+
+class Arena;
+void* take(Arena& arena, int64_t bytes);  // nullptr where memory ran out
+
+struct Isa {
+    const char* name;
+    bool (*supported)();
+    int rows;  // particles in a block
+
+    // Neighbors of sorted particles, kept in the first arena. Returns the number of pairs, -1 where memory ran out. `searching`
+    // and `search` are the thread's own from call to call within a frame.
+    int64_t (*find_neighbors)(const Frame&, int32_t begin, int32_t end, Arena&, Arena& searching, void* search);
+    // The indices of sorted particles within the kernel support of sorted particle i, in any order. Returns how many, -1 where
+    // memory ran out. `indices` points to them until the next call.
+    int64_t (*find_within)(const Frame&, int32_t i, Arena&, void* search, const int32_t*& indices);
+    int64_t search_bytes;  // of `search`, which must be zero at the start of a frame
+
+    // A substep of DFSPH: densities and pressures of particles begin to end, then the velocities and positions they cause.
+    void (*compute_pressures)(const Frame&, int substep, int32_t begin, int32_t end);
+    void (*apply_pressures)(const Frame&, int substep, int32_t begin, int32_t end);
+
+    // Neighbor convolution and its gradients, see learned/convolution.hpp.
+    void (*convolve)(const NeighborGraph&, int width, const float* values, const float* weights, float* out, int32_t begin,
+                     int32_t end, float* scratch);
+    void (*convolve_values_gradient)(const NeighborGraph&, int width, const float* gradient, const float* weights,
+                                     float* values_gradient, int32_t begin, int32_t end, float* scratch);
+    void (*convolve_weights_gradient)(const NeighborGraph&, int width, const float* values, const float* gradient,
+                                      float* weights_gradient, int32_t begin, int32_t end, float* scratch);
+
+    // Signed distance of points begin to end and, unless null, their unit normal.
+    void (*distance)(const Tree&, const float* points, int32_t begin, int32_t end, float* distance, float* normal);
+    // Values of a neural field at points (count, 3) in its own frame. Needs a list of as many entries and scratch floats.
+    void (*ask_field)(const Field&, const float* points, int32_t count, const LeafLook&, int32_t* list, float* scratch);
+    int64_t (*field_scratch)(const Field&);
+};
+
+extern const Isa avx512, avx2, plain;
+
+// The instruction sets that this processor supports, the fastest first.
+std::vector<const Isa*> instruction_sets();
+// Throws std::invalid_argument where the processor does not support it.
+const Isa& isa_of(const std::string& name);
+
+}  // namespace surfsup

@@ -1,0 +1,88 @@
+"""Everything that acts on the particles from outside: solid, container, gravity."""
+
+from __future__ import annotations
+
+from copy import deepcopy
+from dataclasses import dataclass, fields
+from functools import cached_property
+
+import torch
+from torch import Tensor
+
+from surfsup import native
+from surfsup.native.dispatch import tensors_requiring_grad
+from surfsup.scene import Scene
+from surfsup.sdf import Surface, Transformed
+from surfsup.sph.boundary.boundary_map import BoundaryMap
+
+
+@dataclass(frozen=True)
+class Environment:
+    """Solid, container and gravity. They are constant: make a new environment where one changes.
+
+    Attributes:
+        surface: the solid, or None.
+        lower, upper: (3,) corners of the container, meters.
+        gravity: (3,), m/s².
+        boundary_map: the solid's volume map. None without a solid, and for solids whose shape requires a gradient:
+            these act through distance and normal alone.
+    """
+
+    surface: Surface | None
+    lower: Tensor
+    upper: Tensor
+    gravity: Tensor
+    boundary_map: BoundaryMap | None = None
+
+    def __getstate__(self) -> dict[str, object]:
+        """The fields alone: cached native objects can be neither copied nor pickled."""
+        return {field.name: getattr(self, field.name) for field in fields(self)}
+
+    @classmethod
+    def of(cls, scene: Scene, surface: Surface | None, device: torch.device | str = "cpu") -> Environment:
+        """The environment of a scene."""
+        container = scene.container
+        return cls(
+            None if surface is None else surface_on(surface, device),
+            torch.tensor(container.lower, device=device),
+            torch.tensor(container.upper, device=device),
+            torch.tensor(scene.gravity, device=device),
+            None if surface is None or tensors_requiring_grad(surface) else BoundaryMap.of(surface, container),
+        )
+
+    def transformed_by(self, matrix: Tensor) -> Environment:
+        """The same, rotated or mirrored by an orthogonal ``matrix`` (3, 3) that maps axes onto axes."""
+        corners = torch.stack([matrix @ self.lower, matrix @ self.upper])
+        return Environment(
+            None if self.surface is None else Transformed(self.surface, matrix).to(matrix.device),
+            corners.amin(dim=0),
+            corners.amax(dim=0),
+            matrix @ self.gravity,
+            None if self.boundary_map is None else self.boundary_map.rotated(matrix),
+        )
+
+    def distance_and_normal(self, points: Tensor) -> tuple[Tensor, Tensor]:
+        """Signed distance (N,) in meters and normal (N, 3) of the solid; infinite and zero without one."""
+        if self.surface is None:
+            return torch.full_like(points[:, 0], torch.inf), torch.zeros_like(points)
+        return self.surface.distance_and_normal(points)
+
+    @property
+    def requires_grad(self) -> bool:
+        """Whether any tensor of the solid requires a gradient."""
+        return bool(tensors_requiring_grad(self.surface))
+
+    @cached_property
+    def native_solid(self) -> native.Solid | None:
+        """The solid in C++ with its parameters of the first call; None for kinds without C++ code."""
+        return None if self.surface is None else self.surface.native_solid()
+
+
+def surface_on(surface: Surface, device: torch.device | str) -> Surface:
+    """The surface on a device: a copy, unless it is there already or carries gradients.
+
+    Moving a surface in place would move it for all its users; files and maps are made where it was.
+    """
+    if torch.device(device).type == "cpu" or tensors_requiring_grad(surface):
+        return surface.to(device)
+    return deepcopy(surface).to(device)

@@ -1,0 +1,138 @@
+"""The DFSPH solver: the default simulator."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import torch
+from torch import Tensor
+
+from surfsup.native.dispatch import can_run_native, is_built
+from surfsup.sph.collision import LastQuery, resolve_collisions
+from surfsup.sph.dfsph import Substep, solve_frame
+from surfsup.sph.energy import limit_energy_gain
+from surfsup.sph.environment import Environment
+from surfsup.sph.kernels import KERNEL_SUPPORT
+from surfsup.sph.native_solver import NativeSolver
+from surfsup.sph.neighbor_search import find_neighbors
+from surfsup.sph.simulator import Simulator
+from surfsup.sph.state import ParticleState
+
+
+@dataclass(frozen=True)
+class Observation:
+    """A frame by the pressure solve alone, before energy limit and collision handling.
+
+    Attributes:
+        state: the particles at the frame's start.
+        positions: (N, 3) at its end, meters.
+        velocities: (N, 3) at its end, m/s.
+        delta_position: (N, 3) against ballistic motion, meters.
+        delta_velocity: (N, 3) against ballistic motion, m/s.
+        last_query: where the particles queried the solid.
+        substep: the last substep.
+    """
+
+    state: ParticleState
+    positions: Tensor
+    velocities: Tensor
+    delta_position: Tensor
+    delta_velocity: Tensor
+    last_query: LastQuery
+    substep: Substep
+
+
+class DfsphSolver(Simulator[ParticleState]):
+    """Advances particles by frames of 0.005 s with five DFSPH substeps each (:mod:`surfsup.sph.dfsph`).
+
+    Runs in C++ on CPUs in single precision where no gradient is needed, and in torch otherwise: with gradients in
+    positions, velocities and the shape of the solid, in double precision, on GPUs. Both agree to rounding.
+    """
+
+    history_length: ClassVar[int] = 0  # positions and end-of-frame velocities are the whole state
+
+    def __init__(self) -> None:
+        self.native = NativeSolver() if is_built() else None
+
+    def initial_state(self, positions: Tensor, velocities: Tensor, environment: Environment) -> ParticleState:
+        """The state of particles (N, 3) at the start of a scene."""
+        return ParticleState(positions, velocities)
+
+    def state_from_frames(self, positions: Tensor, velocities: Tensor) -> ParticleState:
+        """The state at one frame (1, N, 3)."""
+        return ParticleState(positions[0], velocities[0])
+
+    def step(
+        self, state: ParticleState, environment: Environment, handle_collisions: bool = True
+    ) -> tuple[ParticleState, Tensor]:
+        """The state one frame later, and which particles (N,) collision handling moved.
+
+        Raises:
+            SimulationError: a position is not finite, or the particles have collapsed into a clump.
+        """
+        if self.native is not None and can_step_native(state, environment):
+            frame = self.native.step(state, environment, handle_collisions)
+            if frame.finished:
+                return ParticleState(frame.positions, frame.velocities), frame.collided
+            positions, velocities, last_query = frame.positions, frame.velocities, frame.last_query
+        else:
+            observation = self.observe(state, environment)
+            positions, velocities = observation.positions, observation.velocities
+            last_query = observation.last_query
+        return finish_step(state, positions, velocities, environment, last_query, handle_collisions)
+
+    def observe(self, state: ParticleState, environment: Environment) -> Observation:
+        """The frame by the pressure solve alone, and its last substep.
+
+        Raises:
+            SimulationError: as :meth:`step`.
+        """
+        predicted, falling = state.ballistic(environment.gravity)
+        if self.native is not None and can_step_native(state, environment):
+            frame, substep = self.native.observe(state, environment)
+            delta_position, delta_velocity = frame.positions - predicted, frame.velocities - falling
+            return Observation(
+                state, frame.positions, frame.velocities, delta_position, delta_velocity, frame.last_query, substep
+            )
+        distance, normal = environment.distance_and_normal(predicted)
+        neighbors = find_neighbors(0.5 * (state.positions + predicted), KERNEL_SUPPORT)
+        delta_velocity, delta_position, substep = solve_frame(
+            state, predicted, distance, normal, environment, neighbors
+        )
+        positions, velocities = predicted + delta_position, falling + delta_velocity
+        last_query = LastQuery(predicted, distance)
+        return Observation(state, positions, velocities, delta_position, delta_velocity, last_query, substep)
+
+
+def can_step_native(state: ParticleState, environment: Environment) -> bool:
+    """Whether the solver in C++ may take a step."""
+    tensors = (state.positions, state.velocities, environment.gravity, environment.lower, environment.upper)
+    return can_run_native(*tensors, module=environment.surface)
+
+
+def finish_step(
+    state: ParticleState,
+    positions: Tensor,
+    velocities: Tensor,
+    environment: Environment,
+    last_query: LastQuery | None,
+    handle_collisions: bool,
+) -> tuple[ParticleState, Tensor]:
+    """The state after energy limit and, if asked for, collision handling, and which particles (N,) were moved.
+
+    Args:
+        state: before the step.
+        positions: (N, 3) after it, meters.
+        velocities: (N, 3) after it, m/s.
+        environment: gravity, container and solid.
+        last_query: where the particles queried the solid within the step.
+        handle_collisions: whether to move particles out of solid and walls.
+    """
+    positions, velocities = limit_energy_gain(state, positions, velocities, environment.gravity)
+    if not handle_collisions:
+        return ParticleState(positions, velocities), torch.zeros(
+            len(positions), dtype=torch.bool, device=positions.device
+        )
+    result = resolve_collisions(state.positions, positions, velocities, environment, last_query)
+    return ParticleState(result.positions, result.velocities), result.collided
