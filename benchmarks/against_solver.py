@@ -30,6 +30,7 @@ from pathlib import Path
 from typing import Any
 
 from record import write_result
+from surfsup.learned.loading import DEFAULT_SIMULATOR
 from surfsup.scene import FRAME_TIME, Scene
 from surfsup.sph.boundary.scene_boundaries import scene_volume_maps
 from surfsup.sph.state import SUBSTEPS
@@ -38,9 +39,9 @@ from surfsup.splishsplash.job_files import write_job
 Timing = tuple[float, float]  # wall-clock and processor milliseconds of a frame
 CFL = 1  # number of the adaptive step in SPlisHSPlasH
 SPACING, LAYERS = 0.03, 14
+FRAMES = 200
 RADIUS = 0.3  # meters, of the ball
 EXTENT = 2 * RADIUS
-DEFAULT = DEFAULT_SIMULATOR
 MESH = Path(__file__).parent.parent / "examples" / "knot.obj"
 SURFACES: dict[str, dict[str, Any]] = {
     "ball": {"sphere": {"radius": RADIUS}, "at": [0, 0, RADIUS]},
@@ -183,7 +184,7 @@ def compare(scene: Scene, surface: str, particles: int, threads: int, arguments:
     medians = {name: statistics.median(values) for name, values in walls.items()}
     to_fixed, to_adaptive = medians[FIXED] / medians[NATIVE], medians[ADAPTIVE] / medians[NATIVE]
     print(f"  medians: {to_fixed:.2f} times as fast as the fixed step, {to_adaptive:.2f} times as CFL", flush=True)
-    if arguments.simulator != DEFAULT:
+    if arguments.simulator != DEFAULT_SIMULATOR:
         return
     parts = [f"speed_{particles}", *([surface] if surface != "ball" else [])]
     parts += [f"{threads}_threads"] if threads != 1 else []
@@ -196,7 +197,8 @@ def compare(scene: Scene, surface: str, particles: int, threads: int, arguments:
         "SPlisHSPlasH, fixed step of 1 ms",
         round(medians[FIXED], 2),
         f"python benchmarks/against_solver.py --particles {particles} --threads {threads} --no-torch"
-        + (f" --surface {surface}" if surface != "ball" else ""),
+        + (f" --surface {surface}" if surface != "ball" else "")
+        + (f" --frames {arguments.frames}" if arguments.frames != FRAMES else ""),
         values={
             "particles": count,
             "frames": arguments.frames,
@@ -213,10 +215,10 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--particles", type=int, nargs="+", default=[3000, 50000])
     parser.add_argument("--threads", type=int, nargs="+", default=[1, 2])
-    parser.add_argument("--frames", type=int, default=200, help="the first 20 are free fall, the easiest for the peer")
+    parser.add_argument("--frames", type=int, default=FRAMES, help="the first 20 are free fall, the easiest for the peer")
     parser.add_argument("--rounds", type=int, default=3)
     parser.add_argument("--surface", choices=SURFACES, nargs="+", default=["ball"])
-    parser.add_argument("--simulator", default=DEFAULT, help="name or weights file")
+    parser.add_argument("--simulator", default=DEFAULT_SIMULATOR, help="name or weights file")
     parser.add_argument(
         "--torch", action=argparse.BooleanOptionalAction, default=True, help="also time it without the native code"
     )

@@ -30,14 +30,14 @@ import numpy as np
 import torch
 
 sys.path.insert(0, str(Path(__file__).parent))
-from against_solver import ADAPTIVE, DEFAULT, FIXED, run_in_own_process, scene_of
+from against_solver import ADAPTIVE, FIXED, run_in_own_process, scene_of
 from paper_network import INPUTS
 from peers import run
 from record import write_result
+from surfsup.learned.loading import DEFAULT_SIMULATOR, load_simulator
 from surfsup.learned.message_passing.architecture import SIZES, MessagePassingArchitecture
 from surfsup.learned.message_passing.graph import build_graph
 from surfsup.learned.message_passing.surface_particles import poisson_disk
-from surfsup.learned.registry import load_simulator
 from surfsup.scene import FRAME_TIME, PARTICLE_RADIUS, Scene
 from surfsup.simulation import simulate
 from surfsup.sph.neighbor_search import find_neighbors
@@ -80,7 +80,7 @@ class Alternative:
 
 def alternatives(given: argparse.Namespace) -> list[Alternative]:
     """The simulators of surfsup, then the peers whose environments were given."""
-    ours = [Alternative(DEFAULT, "frame", arguments=["default", "{}"])]
+    ours = [Alternative(DEFAULT_SIMULATOR, "frame", arguments=["default", "{}"])]
     for kind, more in (("surfsup", {}), ("gns", {"surface_particles": SURFACE_PARTICLES})):
         for size, sizes in SIZES.items():
             ours.append(Alternative(f"{kind}, {size}", "frame", arguments=[kind, json.dumps({**sizes, **more})]))
@@ -94,7 +94,7 @@ def alternatives(given: argparse.Namespace) -> list[Alternative]:
 def write_splash(path: Path, scene: Scene) -> None:
     """Write the splash in the form that all scripts read."""
     surface = scene.build_surface()
-    simulator, _ = load_simulator(DEFAULT)
+    simulator, _ = load_simulator(DEFAULT_SIMULATOR)
     frames = simulate(simulator, scene, surface, scene.initial_particles(surface), "cpu")
     positions, velocities = next(islice(frames, FRAME, None))
     radius = MessagePassingArchitecture.radius
@@ -141,7 +141,7 @@ def main() -> None:
     print("|---|---|---|---|---|---|")
     seconds: dict[str, float] = {}
     for name in (FIXED, ADAPTIVE):
-        wall, _ = run_in_own_process(name, scene, given.threads, DEFAULT)
+        wall, _ = run_in_own_process(name, scene, given.threads, DEFAULT_SIMULATOR)
         second = seconds[name] = wall / FRAME_TIME / 1e3
         print(f"| {name} | {wall:.1f} a frame | – | {1e3 * FRAME_TIME:.0f} | {second:.2f} | the whole scene |")
     for one in competitors:
@@ -152,7 +152,7 @@ def main() -> None:
         write_result(
             "speed_networks",
             f"Computing time for a second of water, {given.particles:,} particles, {given.threads} thread(s)",
-            round(seconds[DEFAULT], 2),
+            round(seconds[DEFAULT_SIMULATOR], 2),
             "s",
             "GNS of LagrangeBench, 10×128, network alone",
             round(seconds["lagrangebench"], 1),

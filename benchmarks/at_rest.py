@@ -23,13 +23,12 @@ import torch
 from record import write_result
 from surfsup.datasets.density import number_density
 from surfsup.datasets.recipes.tanks import GAP
-from surfsup.learned.registry import load_simulator
+from surfsup.learned.loading import DEFAULT_SIMULATOR, load_simulator
 from surfsup.scene import Scene
 from surfsup.simulation import simulate
 from surfsup.splishsplash import solver
 
 PRINTED_FRAMES = (0, 100, 200, 400, 800, 1200, 1600, 2000)
-DEFAULT = "dfsph"
 
 Frames = Iterator[tuple[np.ndarray, np.ndarray]]
 Row = dict[str, float]  # frame, height in mm, speed in mm/s, largest density
@@ -66,7 +65,7 @@ def measure(name: str, frames: Frames, last: int) -> list[Row]:
 def main() -> None:
     """Measure the simulator, then the reference solver if requested."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--simulator", default=DEFAULT, help="name or weights file")
+    parser.add_argument("--simulator", default=DEFAULT_SIMULATOR, help="name or weights file")
     parser.add_argument("--frames", type=int, default=2001)
     parser.add_argument("--side", type=float, default=0.6, help="meters of the container")
     parser.add_argument("--depth", type=float, default=0.3, help="meters of water")
@@ -82,7 +81,7 @@ def main() -> None:
     if not arguments.solver:
         return
     peer = measure("SPlisHSPlasH", solver.simulate(scene, None, start), last)
-    if arguments.simulator == DEFAULT:
+    if arguments.simulator == DEFAULT_SIMULATOR:
         write_result(
             "at_rest",
             f"Root mean square speed of a pool {arguments.depth:g} m deep after {last:,} frames",

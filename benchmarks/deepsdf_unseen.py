@@ -20,13 +20,13 @@ import numpy as np
 import torch
 
 from surfsup.errors import InputError
-from surfsup.fitting.deepsdf_fit import samples_of
-from surfsup.fitting.exact import Exact
-from surfsup.fitting.interpolate import interpolate, solid_between
+from surfsup.fitting.connected_path import interpolate_connected
+from surfsup.fitting.deepsdf_fit import sample_shape
+from surfsup.fitting.exact_shape import ExactShape
+from surfsup.fitting.interpolate import interpolate, interpolated_solid
 from surfsup.fitting.reconstruct import reconstruct
-from surfsup.fitting.shape_set import shape_set
+from surfsup.fitting.shape_set import open_shape_set
 from surfsup.fitting.siren_result import chamfer
-from surfsup.fitting.way import whole_way
 from surfsup.sdf import DeepSdf, load_deepsdf, polygonize
 
 FIRST_UNSEEN = 500
@@ -35,13 +35,13 @@ RESOLUTION = 64
 STEPS = 9
 
 
-def chamfer_of(shapes: DeepSdf, code: torch.Tensor, exact: Exact) -> float:
+def chamfer_of(shapes: DeepSdf, code: torch.Tensor, exact: ExactShape) -> float:
     """Between the mesh of a code and the true surface; NaN where the code has no inside."""
     try:
         mesh = polygonize(shapes.surface(code), RESOLUTION)
     except InputError:
         return float("nan")
-    true = exact.on_surface(POINTS, np.random.default_rng(0)).points
+    true = exact.sample_surface(POINTS, np.random.default_rng(0)).points
     return chamfer(np.asarray(mesh.sample(POINTS, seed=0)), true)
 
 
@@ -78,17 +78,20 @@ def whole_ways(shapes: DeepSdf, pairs: int) -> None:
     for first, second in random_pairs(shapes):
         if tried == pairs:
             break
-        if not all(solid_between(shapes, shapes.code(name), 0.0, RESOLUTION).whole for name in (first, second)):
+        if not all(interpolated_solid(shapes, shapes.code(name), 0.0, RESOLUTION).whole for name in (first, second)):
             passed_over += 1
             continue
         tried += 1
         try:
-            steps = list(whole_way(shapes, first, second, STEPS, RESOLUTION))
+            steps = list(interpolate_connected(shapes, first, second, STEPS, RESOLUTION))
         except InputError as error:
             print(error)
             continue
         whole += all(step.whole for step in steps)
-        print(f"{first} to {second}: shares of the steps {' '.join(f'{step.share:.2f}' for step in steps)}", flush=True)
+        print(
+            f"{first} to {second}: fractions of the steps {' '.join(f'{step.fraction:.2f}' for step in steps)}",
+            flush=True,
+        )
     print(f"{whole} of {pairs} ways by known shapes are; {passed_over} pairs were passed over, an end of theirs is not")
 
 
@@ -103,15 +106,15 @@ def main() -> None:
     arguments = parser.parse_args()
     torch.set_num_threads(1)
     shapes = load_deepsdf(arguments.shapes)
-    seen = shape_set(arguments.source, None, arguments.fitted)
+    seen = open_shape_set(arguments.source, None, arguments.fitted)
     seen_chamfer = print_chamfer(
-        "fitted", [chamfer_of(shapes, shapes.code(name), seen.exact(name)) for name in seen.names]
+        "fitted", [chamfer_of(shapes, shapes.code(name), seen.shape(name)) for name in seen.names]
     )
-    unseen = shape_set(arguments.source, None, arguments.unseen, first=FIRST_UNSEEN)
+    unseen = open_shape_set(arguments.source, None, arguments.unseen, first=FIRST_UNSEEN)
     found = []
     for number, name in enumerate(unseen.names):
-        exact = unseen.exact(name)
-        points, distance = samples_of(exact, np.random.default_rng([9, number]))
+        exact = unseen.shape(name)
+        points, distance = sample_shape(exact, np.random.default_rng([9, number]))
         found.append(chamfer_of(shapes, reconstruct(shapes, points, distance).code, exact))
     print(f"ratio {print_chamfer('unseen', found) / seen_chamfer:.3f}")
     straight_lines(shapes, arguments.pairs)

@@ -20,19 +20,18 @@ import torch
 from scipy.spatial import cKDTree
 
 from surfsup.io.trajectory import Trajectory
-from surfsup.learned.registry import load_simulator
+from surfsup.learned.loading import DEFAULT_SIMULATOR, load_simulator
 from surfsup.scene import Scene
 from surfsup.scene.fluid import InitialParticles
 from surfsup.sdf import Surface
+from surfsup.sph.environment import Environment
 from surfsup.sph.simulator import Simulator
-from surfsup.sph.state import Environment
 from surfsup.splishsplash import solver
 
 FIRST = 45  # frame of the first restart: in every scene the water still falls, or just touches the solid
 MEASURED_FRAMES = (70, 80, 90, 100, 110, 120)
 START_FRAMES = (0, 60, 70, 80, 90, 95)  # of the simulator
 OFFSET = 1e-3  # meters
-DEFAULT = "dfsph"
 
 Curve = dict[int, float]  # Chamfer distance by frame
 
@@ -113,7 +112,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("data", type=Path, nargs="?", default=Path("data/prim-shapes-validation"))
     parser.add_argument("--scenes", type=int, default=2)
-    parser.add_argument("--simulator", default=DEFAULT, help="name or weights file")
+    parser.add_argument("--simulator", default=DEFAULT_SIMULATOR, help="name or weights file")
     parser.add_argument("--every", type=int, default=5, choices=[1, 5], help="frames between restarts")
     parser.add_argument("--solver", action=argparse.BooleanOptionalAction, default=True)
     arguments = parser.parse_args()

@@ -17,27 +17,26 @@ from pathlib import Path
 import numpy as np
 
 from surfsup.evaluation.compare import THREADS
-from surfsup.evaluation.evaluate import judge_file
+from surfsup.evaluation.evaluate import evaluate_trajectory
 from surfsup.evaluation.scores import ALL
 from surfsup.io.trajectory import Provenance, TrajectoryWriter
-from surfsup.learned.registry import load_simulator
+from surfsup.learned.loading import DEFAULT_SIMULATOR, load_simulator
 from surfsup.scene import InitialParticles, Scene
 from surfsup.simulation import simulate
 
 KNOT = Path(__file__).parents[1] / "examples" / "knot.obj"
 SURFACES = {"ball": "{sphere: {radius: 0.35}, at: [0, 0, 0.35]}", "knot": f"{{mesh: {{file: '{KNOT}', fit: 0.7}}}}"}
-DEFAULT = "dfsph"
 
 
 def write_rollout(path: Path, scene: Scene, offset: float) -> int:
     """Write a rollout whose water starts ``offset`` meters aside; returns its number of particles."""
-    simulator, _ = load_simulator(DEFAULT)
+    simulator, _ = load_simulator(DEFAULT_SIMULATOR)
     surface = scene.build_surface()
     given = scene.initial_particles(surface)
     start = InitialParticles(
         [block + np.float32([offset, 0, 0]) for block in given.block_positions], given.block_velocities, given.excluded
     )
-    with TrajectoryWriter(path, scene, Provenance(DEFAULT), len(start.positions)) as writer:
+    with TrajectoryWriter(path, scene, Provenance(DEFAULT_SIMULATOR), len(start.positions)) as writer:
         for frame in simulate(simulator, scene, surface, start, "cpu"):
             writer.append(*frame)
     return len(start.positions)
@@ -57,7 +56,7 @@ def main() -> None:
             particles = write_rollout(reference, scene, 0.0)
             write_rollout(rollout, scene, 0.001)
             began = time.perf_counter()
-            evaluation = judge_file(rollout, reference)
+            evaluation = evaluate_trajectory(rollout, reference)
             seconds = time.perf_counter() - began
         chamfer = evaluation.scores[ALL]["chamfer"]
         print(f"{name:<9}{particles:>10}{frames:>8}{THREADS:>9}{seconds:>9.1f}{chamfer:>12.4f}", flush=True)

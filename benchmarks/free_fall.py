@@ -16,14 +16,13 @@ import numpy as np
 import torch
 
 from surfsup.io.trajectory import Trajectory
-from surfsup.learned.registry import load_simulator
+from surfsup.learned.loading import DEFAULT_SIMULATOR, load_simulator
 from surfsup.sdf import Surface
+from surfsup.sph.environment import Environment
 from surfsup.sph.simulator import Simulator
-from surfsup.sph.state import Environment
 
 CONTACT_DISTANCE = 0.045  # meters, from solid or floor
 MOST_FRAMES = 120
-DEFAULT = "dfsph"
 
 
 def last_frame_of_fall(reference: np.ndarray, surface: Surface | None, floor: float) -> int:
@@ -57,7 +56,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("data", type=Path, nargs="?", default=Path("data/prim-shapes-validation"))
     parser.add_argument("--scenes", type=int, default=10)
-    parser.add_argument("--simulators", nargs="+", default=[DEFAULT], help="names or weights files")
+    parser.add_argument("--simulators", nargs="+", default=[DEFAULT_SIMULATOR], help="names or weights files")
     arguments = parser.parse_args()
     torch.set_grad_enabled(False)
     torch.set_num_threads(1)

@@ -23,8 +23,9 @@ import sys
 import tempfile
 from pathlib import Path
 
-from against_solver import DEFAULT, scene_of, time_splishsplash, time_surfsup
+from against_solver import scene_of, time_splishsplash, time_surfsup
 from record import write_result
+from surfsup.learned.loading import DEFAULT_SIMULATOR
 
 SURFSUP, SPLISHSPLASH = "surfsup", "SPlisHSPlasH"
 SURFSUP_PARTICLES = (3_000, 10_000, 30_000, 100_000, 300_000, 1_000_000)
@@ -44,7 +45,7 @@ def run(name: str, particles: int, frames: int) -> Case:
     scene = scene_of(particles, frames)
     count = len(scene.initial_particles(scene.build_surface()).positions)
     if name == SURFSUP:
-        timing = time_surfsup(scene, DEFAULT, use_native=True)
+        timing = time_surfsup(scene, DEFAULT_SIMULATOR, use_native=True)
     else:
         timing = time_splishsplash(scene, adaptive=False)
     return {"particles": count, "ms": timing[0], "memory": peak_memory()}

@@ -77,7 +77,7 @@ def main() -> None:
     loaded = time.perf_counter()
     surface, exact = MeshSurface(mesh), MeshSurface(mesh, exact=True)
     trees = time.perf_counter()
-    surface.build_caches()
+    surface.build_grids()
     built = time.perf_counter()
     print(
         f"{len(mesh.faces)} triangles: read {loaded - start:.2f} s, trees {(trees - loaded) / 2:.2f} s, "

@@ -21,9 +21,9 @@ import torch
 import trimesh
 from torch import Tensor, nn
 
-from surfsup.fitting.exact import ExactMesh, Known
+from surfsup.fitting.exact_shape import DistanceSamples, ExactMesh
 from surfsup.sdf import MeshSurface, load_mesh, load_siren
-from surfsup.sdf.grid import distances_around
+from surfsup.sdf.grid import mesh_distances
 
 PARTICLES = 3000
 REPEATS = 20
@@ -44,7 +44,7 @@ def milliseconds(work: Callable[[], object], clock: Callable[[], float]) -> floa
 
 def baked(exact: ExactMesh, cells: int) -> Answer:
     """The mesh as a grid of ``cells`` along the cube, interpolated by torch; the normal by differences of nodes."""
-    values, lower = distances_around(exact.query.vertices, exact.query.faces, 2 / cells, 0.12)
+    values, _, lower = (value.float() for value in mesh_distances(exact.query, 2 / cells, 0.12))
     table = torch.stack([values, *torch.gradient(values, spacing=2 / cells)])[None]
     shape = torch.tensor(values.shape)
 
@@ -87,7 +87,7 @@ def exactly(exact: ExactMesh, nearest: Nearest) -> Answer:
     return answer
 
 
-def measure(name: str, answer: Answer, sets: dict[str, Known]) -> tuple[float, float]:
+def measure(name: str, answer: Answer, sets: dict[str, DistanceSamples]) -> tuple[float, float]:
     """Print a row; returns milliseconds and mean angle on the points near the surface."""
     row = [f"{name:34s}"]
     shown = (0.0, 0.0)
@@ -147,13 +147,13 @@ def main() -> None:
     surface = load_siren(arguments.siren)
     exact = ExactMesh(load_mesh(arguments.mesh, up=arguments.up))
     random = np.random.default_rng(0)
-    every = exact.in_cube(2 * PARTICLES, 1.0, random)
+    every = exact.sample_cube(2 * PARTICLES, 1.0, random)
     outside = every.only(np.flatnonzero(every.distance > 0)[:PARTICLES])
-    sets = {"near": exact.near(PARTICLES, random), "anywhere": outside}
+    sets = {"near": exact.sample_near(PARTICLES, random), "anywhere": outside}
 
     def network_alone(points: Tensor) -> tuple[Tensor, Tensor]:
         with torch.no_grad():
-            value, gradient = surface.field(points)
+            value, gradient = surface.value_and_gradient(points)
         return value, nn.functional.normalize(gradient, dim=-1)
 
     mesh = MeshSurface(trimesh.Trimesh(exact.query.vertices, exact.query.faces, process=False))
@@ -163,7 +163,7 @@ def main() -> None:
         "our own near, grids far": mesh.distance_and_normal,
     }
     ways |= {f"baked grid of {cells}": baked(exact, cells) for cells in arguments.grids}
-    ways |= {"SIREN alone": network_alone, "SIREN near, lattice far": surface.distance_and_normal}
+    ways |= {"SIREN alone": network_alone, "SIREN near, grid far": surface.distance_and_normal}
     rows = {name: measure(name, answer, sets) for name, answer in ways.items()}
     if arguments.plot is not None:
         plot(arguments.plot, rows)

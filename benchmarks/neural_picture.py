@@ -14,12 +14,12 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-from surfsup.fitting.exact import into_cube
+from surfsup.fitting.exact_shape import to_cube
 from surfsup.io.trajectory import Trajectory
 from surfsup.sdf import load_mesh, load_siren
 from surfsup.viewing.label import label
-from surfsup.viewing.slider import SIZE, picture_of_solid
-from surfsup.viewing.trajectory_pictures import renderer_of
+from surfsup.viewing.slider import SIZE, render_solid
+from surfsup.viewing.trajectory_pictures import trajectory_renderer
 
 RESOLUTION = 192  # cells of the extracted mesh along the cube
 
@@ -36,15 +36,15 @@ def main() -> None:
     arguments = parser.parse_args()
     warnings.simplefilter("ignore")
     siren, mesh = load_siren(arguments.siren), load_mesh(arguments.mesh, up=arguments.up)
-    mesh.vertices = into_cube(np.asarray(mesh.vertices), siren.cube)
+    mesh.vertices = to_cube(np.asarray(mesh.vertices), siren.normalization)
     extracted = siren.to_mesh(RESOLUTION)
     with Trajectory(arguments.trajectory) as frames:
-        renderer = renderer_of(frames, SIZE)
-        water = renderer.image(frames.positions[arguments.frame])
+        renderer = trajectory_renderer(frames, SIZE)
+        water = renderer.render(frames.positions[arguments.frame])
         renderer.close()
     pictures = [
-        label(picture_of_solid(mesh), f"the mesh, {len(mesh.faces):,} triangles"),
-        label(picture_of_solid(extracted), f"the zero of the network, {arguments.siren.stat().st_size / 1000:.0f} kB"),
+        label(render_solid(mesh), f"the mesh, {len(mesh.faces):,} triangles"),
+        label(render_solid(extracted), f"the zero of the network, {arguments.siren.stat().st_size / 1000:.0f} kB"),
         label(water, "water on the network"),
     ]
     Image.fromarray(np.hstack(pictures)).save(arguments.out)

@@ -20,7 +20,7 @@ import torch
 
 from against_solver import scene_of
 from surfsup import native
-from surfsup.learned.registry import load_simulator
+from surfsup.learned.loading import DEFAULT_SIMULATOR, load_simulator
 from surfsup.simulation import choose_device, simulate
 from surfsup.sph.kernels import KERNEL_SUPPORT
 from surfsup.sph.neighbor_search import find_neighbors
@@ -41,7 +41,7 @@ def rollout(device: str) -> list[np.ndarray]:
 
 def load() -> Simulator:
     """The default simulator."""
-    return load_simulator("dfsph")[0]
+    return load_simulator(DEFAULT_SIMULATOR)[0]
 
 
 def copy_speed(device: str) -> float:

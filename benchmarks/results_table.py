@@ -20,13 +20,13 @@ from typing import Any
 import numpy as np
 
 from record import write_result
+from surfsup.learned.loading import DEFAULT_SIMULATOR
 
 PLACES = {"chamfer": 4, "chamfer_squared": 5, "surface": 1, "surface_squared": 2, "height": 4}
 TITLES = "data set | scenes | Chamfer, m | ratio | squared, m² | Surface, m | Surface squared, m² | inside | lost"
 TITLES += " | height error, m | energy ratio | density"
 WINDOWS = ("0-100", "100-200", "200-300", "300-end", "first 300")
 FRAMES = (100, 200)
-DEFAULT = "dfsph"
 RESULTS = {  # data set: name of the result, and what its scenes are
     "prim-shapes-test": ("accuracy_primitives", "primitives"),
     "prim-unions": ("accuracy_unions", "unions of two primitives"),
@@ -51,11 +51,11 @@ def row_of(mean: Entry) -> str:
     """One line of the first table."""
     scores = mean["windows"]["all"]
     name = f"**{mean['data']}**" if mean["surface"] == "all" else f"{mean['data']}: {mean['surface']}"
-    both = {key: " / ".join(number(scores[key][of], n) for of in ("model", "floor")) for key, n in PLACES.items()}
+    both = {key: " / ".join(number(scores[key][of], n) for of in ("prediction", "floor")) for key, n in PLACES.items()}
     cells = [name, str(mean["scenes"]), both["chamfer"], number(scores["chamfer"]["ratio"], 2), both["chamfer_squared"]]
     cells += [both["surface"], both["surface_squared"]]
-    cells += [number(scores[key]["model"], 0) for key in ("penetration", "lost")]
-    cells += [both["height"], *(number(scores[key]["model"], 2) for key in ("energy", "density"))]
+    cells += [number(scores[key]["prediction"], 0) for key in ("penetration", "lost")]
+    cells += [both["height"], *(number(scores[key]["prediction"], 2) for key in ("energy", "density"))]
     return "| " + " | ".join(cells) + " |"
 
 
@@ -64,7 +64,7 @@ def ratio_in_frame(scenes: list[Entry], frame: int) -> float | None:
     curves = [curve for scene in scenes if (curve := scene["curves"]["chamfer"])["floor"]]
     if not curves:
         return None
-    model, floor = (float(np.mean([curve[of][frame] for curve in curves])) for of in ("model", "floor"))
+    model, floor = (float(np.mean([curve[of][frame] for curve in curves])) for of in ("prediction", "floor"))
     return model / floor
 
 
@@ -73,9 +73,9 @@ def time_row_of(mean: Entry, scenes: list[Entry]) -> str:
     cells = [mean["data"]]
     for window in WINDOWS:
         scores = mean["windows"][window]["chamfer"]
-        cells.append(f"{number(scores['model'], 4)} / {number(scores['floor'], 4)} ({number(scores['ratio'], 2)})")
+        cells.append(f"{number(scores['prediction'], 4)} / {number(scores['floor'], 4)} ({number(scores['ratio'], 2)})")
     cells += [number(ratio_in_frame(scenes, frame), 2) for frame in FRAMES]
-    cells.append(f"{100 * np.mean([scene['collided'] for scene in scenes]):.3f} %")
+    cells.append(f"{100 * np.mean([scene['collided_share'] for scene in scenes]):.3f} %")
     return "| " + " | ".join(cells) + " |"
 
 
@@ -105,7 +105,7 @@ def lines(reports: list[Entry]) -> Iterator[str]:
 
 def write_results(reports: list[Entry]) -> None:
     """Write one result for each known data set."""
-    for mean, scenes in totals([report for report in reports if report["model"]["name"] == DEFAULT]):
+    for mean, scenes in totals([report for report in reports if report["simulator"]["name"] == DEFAULT_SIMULATOR]):
         if mean["data"] not in RESULTS:
             continue
         name, what = RESULTS[mean["data"]]
@@ -115,7 +115,7 @@ def write_results(reports: list[Entry]) -> None:
             name,
             f"Chamfer distance to the reference, mean over {count} unseen {'scene' if count == 1 else 'scenes'}: {what}"
             + ("" if "400 frames" in what else ", 800 frames"),
-            round(scores["chamfer"]["model"], 4),
+            round(scores["chamfer"]["prediction"], 4),
             "m",
             "floor: SPlisHSPlasH from a start 1 mm aside",
             round(scores["chamfer"]["floor"], 4),
@@ -124,11 +124,11 @@ def write_results(reports: list[Entry]) -> None:
                 "data_set": mean["data"],
                 "scenes": count,
                 "ratio": scores["chamfer"]["ratio"],
-                "height_error_m": scores["height"]["model"],
-                "energy_ratio": scores["energy"]["model"],
-                "density_ratio": scores["density"]["model"],
-                "particles_inside": scores["penetration"]["model"],
-                "particles_lost": scores["lost"]["model"],
+                "height_error_m": scores["height"]["prediction"],
+                "energy_ratio": scores["energy"]["prediction"],
+                "density_ratio": scores["density"]["prediction"],
+                "particles_inside": scores["penetration"]["prediction"],
+                "particles_lost": scores["lost"]["prediction"],
                 **{f"ratio_frame_{frame}": ratio_in_frame(scenes, frame) for frame in FRAMES},
             },
         )

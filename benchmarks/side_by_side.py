@@ -42,7 +42,7 @@ def read(report: Path) -> dict[str, Any] | None:
 
 def text_of(values: dict[str, Any], key: str) -> str:
     """A metric of the simulator as text."""
-    value = values[key]["model"]
+    value = values[key]["prediction"]
     return "lost" if value is None and key != "depth" else "–" if value is None else f"{value:.{PLACES[key]}f}"
 
 

@@ -18,10 +18,10 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from surfsup.evaluation.evaluate import judge_file
+from surfsup.evaluation.evaluate import evaluate_trajectory
 from surfsup.evaluation.scores import ALL
 from surfsup.io.trajectory import Provenance, TrajectoryWriter
-from surfsup.learned.registry import load_simulator
+from surfsup.learned.loading import DEFAULT_SIMULATOR, load_simulator
 from surfsup.scene import InitialParticles, Scene
 from surfsup.scene.fluid import Block
 from surfsup.scene.from_surface import Placement, scene_from_surface
@@ -68,7 +68,7 @@ def main() -> None:
     parser.add_argument("--up", choices=("y", "z"))
     parser.add_argument("--frames", type=int, default=400)
     parser.add_argument("--turns", type=float, nargs="+", default=[0.0, 120.0, 240.0])
-    parser.add_argument("--simulator", default="dfsph", help="name or weights file")
+    parser.add_argument("--simulator", default=DEFAULT_SIMULATOR, help="name or weights file")
     parser.add_argument("-o", "--out", type=Path, default=Path("out/siren-water"))
     arguments = parser.parse_args()
     warnings.simplefilter("ignore")
@@ -88,10 +88,10 @@ def main() -> None:
             for solid, scene in scenes.items():
                 rollout = arguments.out / f"{name}-{solid.lower()}{'-aside' if offset else ''}.h5"
                 write_rollout(rollout, simulator, scene, start, offset)
-                evaluation = judge_file(rollout, reference)
+                evaluation = evaluate_trajectory(rollout, reference)
                 chamfer = evaluation.scores[ALL]["chamfer"]
                 found.setdefault(solid, []).append(chamfer)
-                inside, depth = int(evaluation.own.own.inside.sum()), evaluation.scores[ALL]["depth"]
+                inside, depth = int(evaluation.comparison.prediction.inside.sum()), evaluation.scores[ALL]["depth"]
                 print(
                     f"turned by {turn:g} degrees, on the {solid}{', 1 mm aside' if offset else ''}: Chamfer "
                     f"{chamfer:.4f} m, inside {inside} of {evaluation.particles * arguments.frames}, "

@@ -22,13 +22,12 @@ import torch
 from record import write_result
 from surfsup.datasets.generation.scene_sampler import SceneSampler
 from surfsup.evaluation.rollout import until_diverged
-from surfsup.learned.loading import load_simulator
+from surfsup.learned.loading import DEFAULT_SIMULATOR, load_simulator
 from surfsup.scene import Scene
 from surfsup.sph.environment import Environment
 from surfsup.sph.simulator import Simulator
 
 RECIPES = ("prim-shapes", "prim-unions", "funnels", "bowls", "chairs", "assorted")
-DEFAULT = DEFAULT_SIMULATOR
 
 
 @torch.no_grad()
@@ -50,7 +49,7 @@ def stability_of(simulator: Simulator, scene: Scene, frames: int) -> tuple[int, 
 def main() -> None:
     """Print a line for each recipe, write the result."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--simulator", default=DEFAULT, help="name or weights file")
+    parser.add_argument("--simulator", default=DEFAULT_SIMULATOR, help="name or weights file")
     parser.add_argument("--seed", type=int, default=99)
     parser.add_argument("--frames", type=int, default=300)
     parser.add_argument("--recipes", nargs="+", default=RECIPES)
@@ -75,7 +74,7 @@ def main() -> None:
         print(f"{recipe}: {', '.join(cells)}; {milliseconds:.1f} ms a frame", flush=True)
     everything = [scene for found in scenes.values() for scene in found]
     diverged = sum(scene["frames"] < arguments.frames for scene in everything)
-    if arguments.simulator == DEFAULT:
+    if arguments.simulator == DEFAULT_SIMULATOR:
         write_result(
             "stability",
             f"Largest gain of mechanical energy in {len(everything)} scenes of {arguments.frames} frames "

@@ -16,9 +16,9 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from error_growth import DEFAULT, rollout_errors
+from error_growth import rollout_errors
 from surfsup.io.trajectory import Trajectory
-from surfsup.learned.registry import load_simulator
+from surfsup.learned.loading import DEFAULT_SIMULATOR, load_simulator
 from surfsup.sph.simulator import Simulator
 
 START_FRAMES = range(40, 155, 6)  # from the first contact to the height of the splash
@@ -41,7 +41,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("data", type=Path, nargs="?", default=Path("data/prim-shapes-validation"))
     parser.add_argument("--scenes", type=int, default=10)
-    parser.add_argument("--simulator", nargs="+", default=[DEFAULT], help="names or weights files")
+    parser.add_argument("--simulator", nargs="+", default=[DEFAULT_SIMULATOR], help="names or weights files")
     arguments = parser.parse_args()
     torch.set_grad_enabled(False)
     torch.set_num_threads(1)

@@ -19,14 +19,13 @@ from pathlib import Path
 
 import torch
 from numpy.random import default_rng
-from surfsup.training.step import take_step
 
 from surfsup.datasets.windows import Window
 from surfsup.scene import Scene
-from surfsup.sph.state import Environment
+from surfsup.sph.environment import Environment
 from surfsup.training.config import load_config
 from surfsup.training.objectives import Batch
-from surfsup.training.run import Run
+from surfsup.training.run import TrainingRun
 
 SPACING = 0.033  # of a jittered lattice that has nine neighbors within 0.045
 SCENE = (
@@ -61,12 +60,11 @@ def measure(size: str, precision: str, particles: int, steps: int) -> tuple[floa
     torch.set_num_threads(1)
     config = load_config("surfsup", [f"size={size}", f"precision={precision}", "batch=1"])
     with tempfile.TemporaryDirectory() as folder:
-        run = Run(config, Path(folder))
+        run = TrainingRun(config, Path(folder))
         marks = [peak_memory()]
         for step in range(steps):
             count = particles - 37 * step % (particles // 3)
-            take_step(run, Batch([water(count, run.model.past)], [default_rng(step)]))
-            run.step += 1
+            run.take_step(Batch([water(count, run.model.history_length)], [default_rng(step)]))
             marks.append(peak_memory())
     return marks[0], marks[1], marks[-1]
 

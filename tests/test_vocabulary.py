@@ -71,9 +71,8 @@ PHRASES = {
     r"SOLVER_STEPS|STEP_TIME(?<!SUBSTEP_TIME)": "SUBSTEPS, SUBSTEP_TIME",
     r"native\.paths\b|_path\.[ch]pp": "native.instruction_sets(), isa",
     r"Surroundings": "Environment",
-    r"LearnedSimulator|learned_simulator": "Simulator",
     r"state_after": "state_from_frames",
-    r"kinds\.KINDS\b|learned\.kinds": "learned.registry.SIMULATORS",
+    r"kinds\.KINDS\b|learned\.kinds": "learned.registry.LEARNED_SIMULATORS",
     r"(?<!f )courses?\b(?!-)": "trajectory_statistics, curve",
     r"while_wanted|while_sound": "until_canceled, until_diverged",
     r"(class|import) (Made|Pace|Seen|Drawing)\b|\b(Made|Pace|Seen|Drawing)\(": (

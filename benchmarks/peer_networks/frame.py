@@ -9,10 +9,11 @@ import numpy as np
 import torch
 from timing import report
 
-from surfsup.learned.registry import SIMULATORS, load_simulator
+from surfsup.learned.loading import DEFAULT_SIMULATOR, load_simulator
+from surfsup.learned.registry import LEARNED_SIMULATORS
 from surfsup.scene import Scene
+from surfsup.sph.environment import Environment
 from surfsup.sph.simulator import Simulator
-from surfsup.sph.state import Environment
 
 torch.set_num_threads(int(os.environ["OMP_NUM_THREADS"]))
 kind, sizes = sys.argv[3], json.loads(sys.argv[4])
@@ -21,9 +22,9 @@ kind, sizes = sys.argv[3], json.loads(sys.argv[4])
 def simulator() -> Simulator:
     """The default simulator, or a network with random weights, which do not change the time."""
     if kind == "default":
-        return load_simulator("dfsph")[0]
+        return load_simulator(DEFAULT_SIMULATOR)[0]
     torch.manual_seed(0)
-    return SIMULATORS[kind](SIMULATORS[kind].architecture_type(**sizes))
+    return LEARNED_SIMULATORS[kind](LEARNED_SIMULATORS[kind].architecture_type(**sizes))
 
 
 given = np.load(sys.argv[1])
