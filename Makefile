@@ -32,7 +32,7 @@ bench: setup
 	.venv/bin/python benchmarks/stability.py
 	.venv/bin/python benchmarks/at_rest.py --solver
 
-# The default model: see src/surfsup/weights/fast.md. What is done is kept, so it can be started again.
+# The corrected simulator, which does not ship. What is done is kept, so it can be started again.
 weights: setup
 	.venv/bin/surfsup generate prim-shapes -o data/train -n 150 --seed 1
 	.venv/bin/surfsup generate assorted -o data/assorted-train -n 112 --seed 11
@@ -40,17 +40,17 @@ weights: setup
 	.venv/bin/surfsup generate hills -o data/hills-train -n 36 --seed 31
 	.venv/bin/surfsup generate bowls -o data/bowls-train -n 24 --seed 36 --frames 400
 	.venv/bin/surfsup generate prim-shapes -o data/validation -n 10 --seed 2
-	.venv/bin/surfsup train fast --data data/train --data data/assorted-train --data data/tanks-train \
-		--data data/hills-train --data data/bowls-train --validation data/validation -o runs/fast \
-		$(if $(wildcard runs/fast/checkpoint.safetensors),--resume)
+	.venv/bin/surfsup train corrected --data data/train --data data/assorted-train --data data/tanks-train \
+		--data data/hills-train --data data/bowls-train --validation data/validation -o runs/corrected \
+		$(if $(wildcard runs/corrected/checkpoint.safetensors),--resume)
 
-# The surfaces that ship: see the cards in src/surfsup/surfaces. What is done is kept, so it can be started again.
+# The surfaces that ship: see the cards in src/surfsup/sdf/neural/shipped. What is done is kept, so it can be started again.
 surfaces: setup
 	.venv/bin/surfsup fit siren coral -o runs/surfaces/coral.safetensors steps=9000 $(call again,coral)
 	.venv/bin/surfsup fit deepsdf chairs --shapes 500 -o runs/surfaces/chairs.safetensors $(call again,chairs)
 	.venv/bin/surfsup fit deepsdf bowls --shapes 200 -o runs/surfaces/bowls.safetensors width=96 layers=4 code=8 \
 		steps=8000 $(call again,bowls)
-	cp runs/surfaces/*.safetensors src/surfsup/surfaces/
+	cp runs/surfaces/*.safetensors src/surfsup/sdf/neural/shipped/
 
 again = $(if $(wildcard runs/surfaces/$(1).fit/checkpoint.safetensors),--resume)
 

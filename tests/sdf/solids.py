@@ -3,6 +3,7 @@ import torch
 import trimesh
 
 from surfsup.sdf import Box, CappedCone, Cylinder, Sphere, Torus
+from surfsup.sdf.grid import SdfGrid
 
 # The corners of the ranges of section 5.1 of the SURFSUP supplement, and their middle.
 SHAPES = {
@@ -25,7 +26,7 @@ def revolved(profile):
 
 
 def fine_mesh(kind, parameters) -> trimesh.Trimesh:
-    """The same solid as triangles, made without the distance function."""
+    """The same solid as triangles, constructed without the distance function."""
     if kind is Sphere:
         return trimesh.creation.icosphere(subdivisions=5, radius=parameters["radius"])
     if kind is Box:
@@ -47,3 +48,10 @@ def points_around(surface, count=2000, margin=0.3, seed=0, dtype=torch.float64) 
     generator = torch.Generator().manual_seed(seed)
     unit = torch.rand(count, 3, generator=generator, dtype=torch.float64)
     return (lower - margin + unit * (upper - lower + 2 * margin)).to(dtype)
+
+
+def sphere_grid(cell=0.1) -> SdfGrid:
+    """Distances to a sphere of radius 0.8 on a grid that spans -1.2 to 1.2."""
+    axis = torch.arange(round(2.4 / cell) + 1) * cell - 1.2
+    nodes = torch.stack(torch.meshgrid(axis, axis, axis, indexing="ij"), dim=-1)
+    return SdfGrid.from_distances(torch.linalg.vector_norm(nodes, dim=-1) - 0.8, torch.full((3,), -1.2), cell)

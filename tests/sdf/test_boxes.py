@@ -1,4 +1,4 @@
-"""Boxes are the union of their boxes, only faster."""
+"""Boxes give the distances of a union of boxes."""
 
 import pytest
 import torch
@@ -13,8 +13,8 @@ from tests.sdf.solids import points_around
 def some_boxes(count, seed=0):
     generator = torch.Generator().manual_seed(seed)
     size, center, axis = (torch.rand(count, 3, generator=generator, dtype=torch.float64) for _ in range(3))
-    turns = [axis_rotation(axis[k] + 0.1, 90.0 * k) for k in range(count)]
-    return 0.1 + 0.3 * size, torch.stack(turns), center - 0.5
+    rotations = [axis_rotation(axis[k] + 0.1, 90.0 * k) for k in range(count)]
+    return 0.1 + 0.3 * size, torch.stack(rotations), center - 0.5
 
 
 def as_union(size, rotation, center):
@@ -61,10 +61,10 @@ def test_normals_point_out_of_the_nearest_box():
 
 
 @pytest.mark.parametrize(
-    ("size", "center", "fault"),
+    ("size", "center", "message"),
     [(torch.zeros(0, 3), torch.zeros(0, 3), "must be"), (torch.ones(2, 3), torch.zeros(1, 3), "must be"),
      (torch.tensor([[1.0, 0.0, 1.0]]), torch.zeros(1, 3), "positive")],
 )  # fmt: skip
-def test_parts_that_do_not_fit_together_are_one_line(size, center, fault):
-    with pytest.raises(InputError, match=fault):
+def test_parameters_that_do_not_match_are_refused(size, center, message):
+    with pytest.raises(InputError, match=message):
         Boxes(size, torch.eye(3).repeat(len(size), 1, 1), center)

@@ -1,4 +1,4 @@
-"""Set operations: membership is exact, the size of the distance never too large."""
+"""Set operations: the sign is exact, the absolute distance never too large."""
 
 import pytest
 import torch
@@ -20,18 +20,18 @@ points = points_around(Sphere(0.8), count=500)
 
 
 @given(placed, placed)
-def test_a_union_holds_what_is_in_either_part(a, b):
+def test_a_union_contains_the_points_in_either_part(a, b):
     assert torch.equal(Union(a, b).distance(points) < 0, (a.distance(points) < 0) | (b.distance(points) < 0))
 
 
 @given(placed, placed)
-def test_an_intersection_holds_what_is_in_both_parts(a, b):
+def test_an_intersection_contains_the_points_in_both_parts(a, b):
     both = (a.distance(points) < 0) & (b.distance(points) < 0)
     assert torch.equal(Intersection(a, b).distance(points) < 0, both)
 
 
 @given(placed, placed)
-def test_a_difference_holds_what_is_in_the_first_and_not_the_second(a, b):
+def test_a_difference_contains_the_points_in_the_first_and_not_the_second_part(a, b):
     kept = (a.distance(points) < 0) & ~(b.distance(points) <= 0)
     assert torch.equal(Difference(a, b).distance(points) < 0, kept)
 
@@ -52,7 +52,7 @@ BALLS = (Sphere(0.3), Transformed(Sphere(0.25), translation=(0.25, 0.0, 0.1)))
 
 
 @pytest.mark.parametrize("operation", [Union, Intersection, Difference])
-def test_the_distance_is_a_bound_and_a_union_is_true_outside(operation):
+def test_the_distance_is_a_bound_and_exact_outside_a_union(operation):
     solid = operation(*BALLS)
     query = points_around(solid, count=3000)
     true = MeshSurface(polygonize(solid, 128), exact=True).distance(query)
@@ -64,7 +64,7 @@ def test_the_distance_is_a_bound_and_a_union_is_true_outside(operation):
 
 
 @given(placed, placed)
-def test_bounds_hold_the_solid(a, b):
+def test_bounds_contain_the_solid(a, b):
     for operation in (Union, Intersection, Difference):
         whole = operation(a, b)
         lower, upper = whole.bounds().double()
@@ -84,7 +84,7 @@ def test_gradients_reach_the_parameters_of_every_part():
         assert torch.autograd.gradcheck(distance, (query, *values), eps=1e-7, atol=1e-6)
 
 
-def test_nothing_is_no_union():
+def test_operations_without_parts_are_refused():
     with pytest.raises(InputError, match="union: has no parts"):
         Union()
     with pytest.raises(InputError, match="intersection: has no parts"):

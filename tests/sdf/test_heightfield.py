@@ -1,4 +1,4 @@
-"""Terrain: every sample is on the surface, north is +y, and a file that cannot be used is one clear line."""
+"""Terrain: every sample is on the surface, north is +y, and unusable files are refused with one line."""
 
 import numpy as np
 import pytest
@@ -31,21 +31,21 @@ def geotiff(path, samples, nodata=None):
 
 
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
-def test_a_gray_png_is_its_samples(tmp_path, dtype):
+def test_a_gray_png_gives_its_samples(tmp_path, dtype):
     samples = (HILLS % 250).astype(dtype)
     Image.fromarray(samples).save(tmp_path / "a.png")
     np.testing.assert_array_equal(load_heights(tmp_path / "a.png"), samples)
 
 
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.int32, np.float32])
-@pytest.mark.parametrize("ending", ["tif", "tiff"])
-def test_a_geotiff_of_one_band_is_its_samples(tmp_path, dtype, ending):
+@pytest.mark.parametrize("suffix", ["tif", "tiff"])
+def test_a_geotiff_of_one_band_gives_its_samples(tmp_path, dtype, suffix):
     samples = (HILLS % 250).astype(dtype)
-    path = geotiff(tmp_path / f"a.{ending}", samples, nodata="-9999")
+    path = geotiff(tmp_path / f"a.{suffix}", samples, nodata="-9999")
     np.testing.assert_array_equal(load_heights(path), samples)
 
 
-def test_numpy_files_are_their_only_grid(tmp_path):
+def test_numpy_files_give_their_only_grid(tmp_path):
     np.save(tmp_path / "a.npy", HILLS)
     np.savez(tmp_path / "a.npz", elevation=HILLS.astype(np.int16), dx=0.1, names=np.array(["a", "b"]))
     np.testing.assert_array_equal(load_heights(tmp_path / "a.npy"), HILLS)
@@ -53,31 +53,31 @@ def test_numpy_files_are_their_only_grid(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("dtype", "mark", "text"),
+    ("dtype", "unknown", "tag"),
     [(np.float32, -9999, "-9999"), (np.float32, -3.4028235e38, "-3.4028234663852886e+38"), (np.uint16, 65535, "65535"),
      (np.float32, np.nan, None), (np.float32, np.inf, None)],
 )  # fmt: skip
-def test_holes_are_counted(tmp_path, dtype, mark, text):
+def test_holes_are_counted(tmp_path, dtype, unknown, tag):
     samples = HILLS.astype(dtype)
-    samples[2, 3] = samples[4, 4] = mark
-    assert "has holes, 2 of 63 samples are not known" in refused(geotiff(tmp_path / "a.tif", samples, text))
+    samples[2, 3] = samples[4, 4] = unknown
+    assert "has holes: 2 of 63 samples are unknown" in refused(geotiff(tmp_path / "a.tif", samples, tag))
 
 
-def test_what_is_no_terrain_is_one_line(tmp_path):
+def test_files_that_are_no_terrain_are_refused(tmp_path):
     def saved(name, image, **options):
         image.save(tmp_path / name, **options)
         return tmp_path / name
 
     gray = Image.fromarray((HILLS % 250).astype(np.uint8))
-    assert "is no gray image (its mode is RGB)" in refused(saved("rgb.png", gray.convert("RGB")))
-    assert "is no gray image (its mode is LA)" in refused(saved("alpha.png", gray.convert("LA")))
-    assert "is no gray image (its mode is P)" in refused(saved("palette.png", gray.convert("P")))
+    assert "is not a gray image (its mode is RGB)" in refused(saved("rgb.png", gray.convert("RGB")))
+    assert "is not a gray image (its mode is LA)" in refused(saved("alpha.png", gray.convert("LA")))
+    assert "is not a gray image (its mode is P)" in refused(saved("palette.png", gray.convert("P")))
     assert "has 1 x 1 samples" in refused(saved("one.png", Image.new("L", (1, 1))))
     assert "has 5 x 1 samples" in refused(saved("line.png", Image.new("L", (1, 5))))
     np.savez(tmp_path / "two.npz", a=HILLS, b=HILLS)
-    assert "holds 2 two-dimensional arrays" in refused(tmp_path / "two.npz")
+    assert "contains 2 two-dimensional arrays" in refused(tmp_path / "two.npz")
     np.save(tmp_path / "row.npy", HILLS[0])
-    assert "holds 0 two-dimensional arrays" in refused(tmp_path / "row.npy")
+    assert "contains 0 two-dimensional arrays" in refused(tmp_path / "row.npy")
     np.save(tmp_path / "objects.npy", np.array([[{}]]), allow_pickle=True)
     assert "damaged" in refused(tmp_path / "objects.npy")
     np.savez(tmp_path / "objects.npz", a=np.array([[{}]]))
@@ -91,7 +91,7 @@ def test_what_is_no_terrain_is_one_line(tmp_path):
         assert "damaged" in refused(tmp_path / name)
 
 
-def test_a_truncated_image_is_one_line(tmp_path):
+def test_a_truncated_image_is_refused(tmp_path):
     noise = np.random.default_rng(0).integers(0, 255, (200, 200)).astype(np.uint8)
     Image.fromarray(noise).save(tmp_path / "a.png")
     whole = (tmp_path / "a.png").read_bytes()
@@ -105,7 +105,7 @@ def test_a_huge_image_is_refused_before_it_is_unpacked(tmp_path):
 
 
 def test_a_huge_archive_is_refused_before_it_is_unpacked(tmp_path, monkeypatch):
-    monkeypatch.setattr(module, "MOST_IN_FILE", 1000)
+    monkeypatch.setattr(module, "MAX_FILE_SAMPLES", 1000)
     np.savez_compressed(tmp_path / "huge.npz", a=np.zeros((100, 100)))
     assert "more than 1,000" in refused(tmp_path / "huge.npz")
 
@@ -115,7 +115,7 @@ def test_more_samples_than_a_surface_can_have_are_refused():
         Heightfield(np.zeros((1000, 1001)), (1, 1), 1, 1, source="dem")
 
 
-def test_the_solid_is_closed_and_every_sample_is_a_corner():
+def test_the_solid_is_closed_and_every_sample_is_a_vertex():
     mesh = Heightfield(HILLS, (3.0, 2.0), height=0.5, base=0.2).to_mesh()
     assert mesh.is_watertight
     assert mesh.is_winding_consistent
@@ -124,7 +124,7 @@ def test_the_solid_is_closed_and_every_sample_is_a_corner():
     np.testing.assert_allclose(top[..., 2], 0.2 + 0.5 * (HILLS - HILLS.min()) / np.ptp(HILLS))
     assert top[0, 0, :2].tolist() == [-1.5, 1.0]  # north-west
     assert top[-1, -1, :2].tolist() == [1.5, -1.0]
-    # Whichever way the squares are cut, the volume lies between those of the lower and the higher cuts.
+    # The volume is between those of splitting all squares along the lower and along the higher diagonal.
     cell, levels = 3.0 / 8 * 2.0 / 6, top[..., 2]
     means = (levels[:-1, :-1] + levels[1:, :-1] + levels[:-1, 1:] + levels[1:, 1:]) / 4
     assert mesh.volume == pytest.approx(cell * means.sum(), rel=0.1)
@@ -160,7 +160,7 @@ def test_the_gradient_in_the_points_is_the_normal():
     torch.testing.assert_close(gradient, normal)
     step = 1e-6 * normal.detach()
     slope = (terrain.distance(points + step) - terrain.distance(points - step)) / 2e-6
-    assert ((slope - 1).abs() < 1e-3).double().mean() > 0.95  # but for those beside the medial axis
+    assert ((slope - 1).abs() < 1e-3).double().mean() > 0.95  # except beside the medial axis
 
 
 def test_a_level_terrain_is_a_slab():

@@ -28,7 +28,7 @@ SOLIDS = {name: kind(**parameters) for name, (kind, parameters) in SHAPES.items(
 
 
 @pytest.mark.parametrize("name", SOLIDS)
-def test_the_mesh_is_closed_faces_outward_and_lies_on_the_surface(name):
+def test_the_mesh_is_closed_oriented_outward_and_on_the_surface(name):
     solid = SOLIDS[name]
     mesh = polygonize(solid, 48)
     assert mesh.is_watertight
@@ -46,7 +46,7 @@ def test_the_volume_is_that_of_the_solid(kind, parameters):
     assert polygonize(kind(**parameters), 64).volume == pytest.approx(fine_mesh(kind, parameters).volume, rel=5e-3)
 
 
-def test_more_resolution_is_more_triangles():
+def test_a_higher_resolution_gives_more_triangles():
     assert len(polygonize(Sphere(0.3), 32).faces) > 3 * len(polygonize(Sphere(0.3), 16).faces)
 
 

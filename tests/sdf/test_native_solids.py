@@ -1,4 +1,4 @@
-"""The distances in C++ against those in torch, which are tested against other geometry elsewhere."""
+"""Distances by the native code are those of torch, which other tests compare with independent geometry."""
 
 from pathlib import Path
 
@@ -23,29 +23,31 @@ from surfsup.sdf import (
     Transformed,
     Union,
     axis_rotation,
+    fit_surface,
     load_deepsdf,
     load_siren,
-    standing,
 )
 from surfsup.sdf.native_query import distance_and_normal_native, distance_native
-from surfsup.sdf.neural.code_network import CodeNetwork, CodeSizes
 from surfsup.sdf.neural.deepsdf import DeepSdfSurface
+from surfsup.sdf.neural.deepsdf_decoder import DecoderSizes, DeepSdfDecoder
 from surfsup.sdf.neural.sine_network import SineNetwork
 from surfsup.sdf.neural.siren import SirenSurface
 from tests.sdf.solids import SHAPES, points_around
 
 pytestmark = pytest.mark.skipif(
-    not native.instruction_sets(), reason="the package was built without a compiler, so there is no native step"
+    not native.instruction_sets(), reason="the package was built without a compiler, so there is no native code"
 )
 
-TURN = axis_rotation((1.0, 2.0, -0.5), 40.0)
+ROTATION = axis_rotation((1.0, 2.0, -0.5), 40.0)
 
 
 def boxes(count: int = 7) -> Boxes:
     random = torch.Generator().manual_seed(0)
-    turns = torch.stack([axis_rotation(torch.randn(3, generator=random), 30.0 * k) for k in range(count)])
+    rotations = torch.stack([axis_rotation(torch.randn(3, generator=random), 30.0 * k) for k in range(count)])
     return Boxes(
-        0.05 + 0.3 * torch.rand(count, 3, generator=random), turns.float(), torch.rand(count, 3, generator=random) - 0.5
+        0.05 + 0.3 * torch.rand(count, 3, generator=random),
+        rotations.float(),
+        torch.rand(count, 3, generator=random) - 0.5,
     )
 
 
@@ -56,17 +58,17 @@ def sines(width: int, layers: int) -> SirenSurface:
 
 def code(width: int, layers: int, octaves: int) -> DeepSdfSurface:
     torch.manual_seed(width)
-    network = CodeNetwork(CodeSizes(width, layers, 5, octaves))
+    network = DeepSdfDecoder(DecoderSizes(width, layers, 5, octaves))
     return DeepSdfSurface(network, torch.randn(5)).requires_grad_(False)
 
 
-CORAL = standing(load_siren(Path("coral")), 0.6)
+CORAL = fit_surface(load_siren(Path("coral")), 0.6)
 CHAIR = load_deepsdf(Path("chairs"))
-CHAIR = Transformed(CHAIR.surface(CHAIR.code("chair-0100")).with_lattice(), TURN, (0.1, 0.0, 0.2), 0.4)
+CHAIR = Transformed(CHAIR.surface(CHAIR.code("chair-0100")).with_grid(), ROTATION, (0.1, 0.0, 0.2), 0.4)
 
 
-def holed() -> MeshSurface:
-    """A ball of triangles of which some are missing."""
+def mesh_with_hole() -> MeshSurface:
+    """A mesh of a ball with a hole."""
     mesh = Sphere(0.3).to_mesh(24)
     mesh.update_faces(np.arange(len(mesh.faces)) > 20)
     return MeshSurface(mesh, cells=24)
@@ -79,65 +81,65 @@ SOLIDS = {
     "closed bowl": Bowl(0.3),
     "funnel": Funnel(0.3, 0.06, 0.25, 0.1),
     "boxes": boxes(),
-    "transformed": Transformed(CappedCone(0.5, 0.3, 0.1), TURN, (0.2, -0.1, 0.3), 1.7),
+    "transformed": Transformed(CappedCone(0.5, 0.3, 0.1), ROTATION, (0.2, -0.1, 0.3), 1.7),
     "mirrored": Transformed(Box((0.3, 0.4, 0.5)), torch.diag(torch.tensor([-1.0, 1.0, 1.0])), (0.1, 0.0, 0.0)),
-    "twice transformed": Transformed(Transformed(Torus(0.3, 0.1), TURN, (0.1, 0, 0)), TURN, (0, 0.2, 0), 0.5),
+    "twice transformed": Transformed(Transformed(Torus(0.3, 0.1), ROTATION, (0.1, 0, 0)), ROTATION, (0, 0.2, 0), 0.5),
     "union": Union(Transformed(Sphere(0.3), None, (0.25, 0, 0)), Box((0.4, 0.4, 0.4)), Funnel(0.3, 0.1)),
-    "intersection": Intersection(Sphere(0.3), Transformed(Box((0.5, 0.5, 0.5)), TURN, (0.1, 0, 0))),
+    "intersection": Intersection(Sphere(0.3), Transformed(Box((0.5, 0.5, 0.5)), ROTATION, (0.1, 0, 0))),
     "difference": Difference(Cylinder(0.3, 0.6), Transformed(Sphere(0.2), None, (0.0, 0.0, 0.25))),
     "sines": CORAL.surface,
-    "sines without a lattice, of channels that fit no vector": sines(37, 2),
+    "sines without a grid, with channels that fill no vector": sines(37, 2),
     "one layer of sines": sines(8, 1),
-    "sines far off": Transformed(sines(6, 1), TURN, (3.0, -2.0, 1.0), 2.0),
+    "sines far away": Transformed(sines(6, 1), ROTATION, (3.0, -2.0, 1.0), 2.0),
     "a code": CHAIR,
     "a code without octaves": code(18, 2, 0),
     "a code with many octaves": Transformed(code(8, 2, 8), None, (0.0, 0.0, 0.0), 0.1),
-    "a code without a lattice": Transformed(code(16, 5, 3), TURN, (0.2, -0.1, 0.3), 0.5),
+    "a code without a grid": Transformed(code(16, 5, 3), ROTATION, (0.2, -0.1, 0.3), 0.5),
     "mesh": TORUS,
-    "mesh with a hole": holed(),
-    "mesh seen from afar": Transformed(MeshSurface(Box((0.1, 0.2, 0.3)).to_mesh(16)), TURN, (2.0, -1.0, 3.0), 0.2),
+    "mesh with a hole": mesh_with_hole(),
+    "mesh seen from afar": Transformed(MeshSurface(Box((0.1, 0.2, 0.3)).to_mesh(16)), ROTATION, (2.0, -1.0, 3.0), 0.2),
     "meshes and a ball": Union(
-        Difference(Transformed(TORUS, TURN, (0.1, 0.2, 0.3), 1.2), Sphere(0.3)), Transformed(TORUS)
+        Difference(Transformed(TORUS, ROTATION, (0.1, 0.2, 0.3), 1.2), Sphere(0.3)), Transformed(TORUS)
     ),
     "nested": Union(Difference(Union(Sphere(0.3), Box((0.7, 0.2, 0.2))), Cylinder(0.1, 1.0)), boxes(3)),
 }
 every_solid = pytest.mark.parametrize("name", SOLIDS)
-every_path = pytest.mark.parametrize("path", native.instruction_sets())
+every_isa = pytest.mark.parametrize("isa", native.instruction_sets())
 
 
 def by_torch(surface: Surface, points: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
-    """In double precision, where nothing is native."""
+    """In double precision, for which there is no native code."""
     distance, normal = surface.distance_and_normal(points.double())
     return distance.float(), normal.float()
 
 
-@every_path
+@every_isa
 @every_solid
-def test_distance_and_normal_are_those_of_torch(name, path, monkeypatch):
-    monkeypatch.setattr(native, "instruction_sets", lambda: [path])
+def test_distance_and_normal_are_those_of_torch(name, isa, monkeypatch):
+    monkeypatch.setattr(native, "instruction_sets", lambda: [isa])
     surface = SOLIDS[name]
     assert surface.native_solid() is not None
     points = points_around(surface, 5000, dtype=torch.float32)
     distance, normal = surface.distance_and_normal(points)
     expected, expected_normal = by_torch(surface, points)
     torch.testing.assert_close(distance, expected, atol=1e-6, rtol=0)
-    # Beside an edge of equal distance rounding may choose the other side.
-    alike = (normal - expected_normal).abs().amax(dim=-1) < 1e-3
-    assert alike.float().mean() > 0.998
+    # Rounding may select the other side of a medial axis.
+    same = (normal - expected_normal).abs().amax(dim=-1) < 1e-3
+    assert same.float().mean() > 0.998
     assert torch.linalg.vector_norm(normal, dim=-1).sub(1).abs().max() < 1e-5
 
 
-def test_where_networks_and_meshes_are_joined_the_normal_is_that_of_the_nearest():
-    parts = [Transformed(CORAL, TURN, (0.1, 0.2, 0.3), 1.2), Difference(Box((0.5, 0.6, 0.7)), CHAIR), CHAIR, TORUS]
-    joined = Transformed(Union(*parts), TURN, (0.1, 0.0, 0.0), 0.5)
-    points = points_around(joined, 5000, dtype=torch.float32)
-    distance, normal = joined.distance_and_normal(points)
-    torch.testing.assert_close(distance, by_torch(joined, points)[0], atol=1e-6, rtol=0)
-    own = joined.to_own_frame(points)
-    looked = [part.distance_and_normal(own) for part in parts]
-    distances, normals = (torch.stack(values) for values in zip(*looked, strict=True))
+def test_the_normal_of_a_union_of_networks_and_meshes_is_that_of_the_nearest():
+    parts = [Transformed(CORAL, ROTATION, (0.1, 0.2, 0.3), 1.2), Difference(Box((0.5, 0.6, 0.7)), CHAIR), CHAIR, TORUS]
+    union = Transformed(Union(*parts), ROTATION, (0.1, 0.0, 0.0), 0.5)
+    points = points_around(union, 5000, dtype=torch.float32)
+    distance, normal = union.distance_and_normal(points)
+    torch.testing.assert_close(distance, by_torch(union, points)[0], atol=1e-6, rtol=0)
+    own = union.to_own_frame(points)
+    results = [part.distance_and_normal(own) for part in parts]
+    distances, normals = (torch.stack(values) for values in zip(*results, strict=True))
     nearest, second = distances.sort(dim=0).values[:2]
-    expected = normals[distances.argmin(dim=0), torch.arange(5000)] @ TURN.T
+    expected = normals[distances.argmin(dim=0), torch.arange(5000)] @ ROTATION.T
     clear = second - nearest > 1e-5
     assert clear.float().mean() > 0.9
     torch.testing.assert_close(normal[clear], expected[clear], atol=1e-3, rtol=0)
@@ -151,7 +153,7 @@ def test_the_distance_alone_is_the_same(name):
 
 
 @every_solid
-def test_nothing_one_point_and_what_is_no_number(name):
+def test_no_points_odd_counts_and_points_that_are_not_finite(name):
     surface = SOLIDS[name]
     for count in (0, 1, 15, 17):
         points = points_around(surface, count, dtype=torch.float32)
@@ -166,13 +168,13 @@ def test_nothing_one_point_and_what_is_no_number(name):
         assert normal.isnan().any(dim=-1).tolist() == [True, False]
 
 
-def test_where_there_is_no_direction_the_normal_is_zero():
+def test_the_normal_is_zero_where_there_is_no_direction():
     distance, normal = Sphere(0.3).distance_and_normal(torch.zeros(1, 3))
     assert float(distance) == pytest.approx(-0.3)
     assert not normal.any()
 
 
-def test_a_shape_that_was_changed_is_seen_as_it_is_now():
+def test_changed_parameters_of_a_shape_take_effect():
     surface = Transformed(Sphere(0.3), None, (0.0, 0.0, 0.0))
     point = torch.tensor([[1.0, 0.0, 0.0]])
     surface.surface.radius.fill_(0.4)
@@ -180,7 +182,7 @@ def test_a_shape_that_was_changed_is_seen_as_it_is_now():
     assert float(surface.distance_and_normal(point)[0]) == pytest.approx(0.5, abs=1e-6)
 
 
-def test_a_network_that_was_changed_is_seen_as_it_is_now():
+def test_changed_weights_of_a_network_take_effect():
     for surface in (sines(16, 2), code(16, 3, 1)):
         points = points_around(surface, 100, dtype=torch.float32)
         before = surface.distance_and_normal(points)[0]
@@ -193,7 +195,7 @@ def test_a_network_that_was_changed_is_seen_as_it_is_now():
         assert not torch.allclose(surface.distance_and_normal(points)[0], before, atol=1e-3)
 
 
-def test_on_the_triangles_and_their_corners_the_mesh_itself_is_asked():
+def test_on_faces_and_vertices_distance_and_normal_are_those_of_the_mesh():
     vertices = torch.tensor(TORUS.query.vertices, dtype=torch.float32)
     middles = vertices[torch.tensor(TORUS.query.faces)].mean(dim=1)
     for points in (vertices, middles):
@@ -204,14 +206,14 @@ def test_on_the_triangles_and_their_corners_the_mesh_itself_is_asked():
 
 
 @pytest.mark.parametrize("threads", [1, 2])
-def test_an_error_in_what_a_mesh_asks_in_python_comes_through(threads, monkeypatch):
+def test_an_error_of_a_mesh_query_in_python_is_raised(threads, monkeypatch):
     def broken(*_: object) -> None:
         raise RuntimeError("the mesh is broken")
 
     before = torch.get_num_threads()
     torch.set_num_threads(threads)
     mesh = MeshSurface(Sphere(0.3).to_mesh(16), cells=16)
-    monkeypatch.setattr(mesh, "look_up", broken)
+    monkeypatch.setattr(mesh, "query_points", broken)
     points = torch.tensor(mesh.query.vertices[:1], dtype=torch.float32).repeat(3000, 1)
     try:
         with pytest.raises(RuntimeError, match="the mesh is broken"):
@@ -221,18 +223,18 @@ def test_an_error_in_what_a_mesh_asks_in_python_comes_through(threads, monkeypat
 
 
 @pytest.mark.parametrize("wrong", ["fine", "coarse", "unsigned_distance", "inside"])
-def test_grids_that_do_not_fit_each_other_are_refused(wrong):
-    fine, coarse = TORUS.build_caches()
+def test_grids_that_do_not_match_are_refused(wrong):
+    fine, coarse = TORUS.build_grids()
     given = {
         "triangles": TORUS.query.triangles,
-        "fine": fine.grid(),
-        "coarse": coarse.grid(),
-        "unsigned_distance": fine.unsigned,
-        "inside": fine.inside,
+        "fine": fine.native_arguments(),
+        "coarse": coarse.native_arguments(),
+        "unsigned_distance": fine.node_distance.flatten().abs().numpy(),
+        "inside": fine.node_distance.flatten().signbit().numpy(),
         "near": 0.1,
         "agree": 0.9,
         "touching": 1e-6,
-        "rest": TORUS.look_up_rest,
+        "rest": TORUS.write_undecided,
     }
     native.Solid.of_mesh(**given)
     value = given[wrong]
@@ -241,20 +243,20 @@ def test_grids_that_do_not_fit_each_other_are_refused(wrong):
         native.Solid.of_mesh(**given)
 
 
-def test_sines_too_fast_for_the_native_code_are_left_to_torch():
+def test_torch_computes_networks_with_too_many_octaves():
     surface = code(8, 2, 17)
     assert surface.native_solid() is None
     assert torch.isfinite(surface.distance(torch.rand(5, 3))).all()
 
 
-def test_a_code_may_be_a_part_of_a_larger_tensor():
+def test_a_code_may_be_a_strided_view():
     surface = code(16, 3, 1)
     points = points_around(surface, 50, dtype=torch.float32)
     strided = DeepSdfSurface(surface.network, torch.stack([surface.code] * 2, dim=1)[:, 1])
     assert torch.equal(strided.distance(points), surface.distance(points))
 
 
-def test_a_solid_in_cpp_stays_as_it_was_when_its_network_changes():
+def test_a_native_solid_keeps_the_weights_it_was_made_with():
     surface = sines(16, 2)
     solid, points = surface.native_solid(), points_around(surface, 100, dtype=torch.float32).numpy()
     before, after = (np.empty(100, np.float32) for _ in range(2))
@@ -266,23 +268,23 @@ def test_a_solid_in_cpp_stays_as_it_was_when_its_network_changes():
     assert np.array_equal(before, after)
 
 
-def test_a_network_far_from_its_cube_tells_some_number():
+def test_a_network_far_from_its_cube_gives_finite_distances():
     surface = sines(16, 2)
     assert torch.isfinite(surface.distance(torch.full((3, 3), 1e9))).all()
 
 
-@pytest.mark.parametrize("off", [0.0, 2e-4])
-def test_leaves_lie_where_closed_forms_do_though_a_turn_is_rounded(off):
-    turn = TURN + off * torch.randn(3, 3, generator=torch.Generator().manual_seed(0))
+@pytest.mark.parametrize("error", [0.0, 2e-4])
+def test_meshes_and_closed_forms_have_the_same_position_even_with_rounded_rotations(error):
+    rotation = ROTATION + error * torch.randn(3, 3, generator=torch.Generator().manual_seed(0))
     mesh, ball = (
-        Transformed(Transformed(part, TURN, (1.0, 1.0, 0.0)), turn, (0.3, 0.2, 0.1))
+        Transformed(Transformed(part, ROTATION, (1.0, 1.0, 0.0)), rotation, (0.3, 0.2, 0.1))
         for part in (TORUS, Torus(0.3, 0.1))
     )
     points = points_around(ball, 500, dtype=torch.float32)
     torch.testing.assert_close(mesh.distance_and_normal(points)[0], by_torch(mesh, points)[0], atol=2e-6, rtol=0)
 
 
-def test_the_mesh_of_a_network_is_asked_where_all_is_to_be_exact():
+def test_exact_queries_of_a_network_are_not_native():
     surface = load_siren(Path("coral"))
     surface.exact = True
     assert surface.native_solid() is None
@@ -305,7 +307,7 @@ def test_the_mesh_of_a_network_is_asked_where_all_is_to_be_exact():
         {"lattice": (np.ones((8, 4), np.float32), (0.0, 0.0, 0.0), 0.1, (8, 1, 1))},
     ],
 )
-def test_layers_that_do_not_fit_each_other_are_refused(wrong):
+def test_layers_that_do_not_match_are_refused(wrong):
     right = {
         "layers": [(None, np.ones((5, 3), np.float32), [], None)],
         "last": np.ones(5, np.float32),
@@ -321,7 +323,7 @@ def test_layers_that_do_not_fit_each_other_are_refused(wrong):
         native.Solid.of_network(**(right | wrong))
 
 
-def test_a_gradient_double_precision_and_unknown_solids_are_left_to_torch():
+def test_torch_computes_gradients_double_precision_and_unsupported_solids():
     points = torch.rand(4, 3)
     assert distance_and_normal_native(Sphere(0.3), points) is not None
     assert distance_and_normal_native(Sphere(0.3), points.double()) is None
@@ -339,12 +341,12 @@ def test_a_gradient_double_precision_and_unknown_solids_are_left_to_torch():
     ("kind", "numbers", "parts"),
     [("sphere", [], []), ("ball", [1.0], []), ("union", [], []), ("boxes", [1.0] * 16, []), ("box", [1.0] * 3, ["it"])],
 )
-def test_a_native_solid_of_the_wrong_things_is_refused(kind, numbers, parts):
+def test_native_solids_with_wrong_parameters_or_parts_are_refused(kind, numbers, parts):
     with pytest.raises(ValueError, match="native"):
         native.Solid(kind, numbers, [native.Solid("sphere", [1.0], []) for _ in parts])
 
 
-def test_sizes_that_do_not_fit_are_refused():
+def test_arrays_of_different_lengths_are_refused():
     with pytest.raises(ValueError, match="distance has 3 rows, but must have 2"):
         native.Solid("sphere", [1.0], []).look(
             np.zeros((2, 3), np.float32),

@@ -17,7 +17,7 @@ def doubles(parameters):
     return {name: torch.tensor(value, dtype=torch.float64) for name, value in parameters.items()}
 
 
-def test_distance_is_that_to_a_fine_mesh_of_the_solid(shape):
+def test_distance_is_that_of_a_fine_mesh_of_the_solid(shape):
     kind, parameters = shape
     surface = kind(**parameters)
     points = points_around(surface)
@@ -31,10 +31,10 @@ def test_normal_is_that_of_a_fine_mesh_of_the_solid(shape):
     points = points_around(surface)
     distance, normal = surface.distance_and_normal(points)
     _, true = MeshSurface(fine_mesh(kind, parameters), exact=True).distance_and_normal(points)
-    clear = distance > 0.02  # inside, the medial axis is everywhere near
+    clear = distance > 0.02  # inside, the medial axis is near everywhere
     cosine = (normal * true).sum(dim=1)[clear]
     assert cosine.mean() > 0.9999
-    assert (cosine > 0.99).double().mean() > 0.995  # the torus has its axis as medial axis outside
+    assert (cosine > 0.99).double().mean() > 0.995  # the axis of the torus is a medial axis outside it
 
 
 def test_gradient_has_unit_length_away_from_the_medial_axis(shape):
@@ -84,7 +84,7 @@ def test_normals_can_be_differentiated_too(shape):
 
 SPECIAL = [
     *[(x, y, z) for x in (0, 0.2) for y in (0, 0.2) for z in (-0.25, -0.1, 0, 0.25, 0.7)],
-    (0.2, 0, 0),  # on the circle that the thin tori are swept along, on sides, at corners
+    (0.2, 0, 0),  # on the circle along which the thin tori are swept, on sides, at corners
     (0.4, 0, 0),
     (0.3, 0, 0.25),
     (0.15, 0, -0.25),
@@ -121,9 +121,9 @@ def test_every_derivative_is_finite_at_special_points(shape):
 )
 def test_points_on_the_surface_have_a_normal(surface, point, normal):
     distance, found = surface.distance_and_normal(torch.tensor([point]))
-    wanted = torch.nn.functional.normalize(torch.tensor([normal], dtype=torch.float32))
+    expected = torch.nn.functional.normalize(torch.tensor([normal], dtype=torch.float32))
     assert abs(float(distance)) < 1e-7
-    torch.testing.assert_close(found, wanted, atol=1e-5, rtol=0)
+    torch.testing.assert_close(found, expected, atol=1e-5, rtol=0)
 
 
 @given(
@@ -139,14 +139,14 @@ def test_a_sphere_is_its_radius_from_its_center(radius, direction, meters):
 
 
 @given(size=st.tuples(*[st.floats(0.4, 0.7)] * 3), beyond=st.tuples(*[st.floats(0, 1)] * 3))
-def test_a_box_is_as_far_as_its_corner_from_points_beyond_it(size, beyond):
+def test_the_distance_of_points_beyond_a_corner_of_a_box_is_that_of_the_corner(size, beyond):
     point = torch.tensor([[side / 2 + more for side, more in zip(size, beyond, strict=True)]], dtype=torch.float64)
     assert float(Box(size).distance(point)) == pytest.approx(math.hypot(*beyond), abs=1e-6)
 
 
 @pytest.mark.parametrize("wrong", [0, -0.3, math.nan, math.inf, (0.1, 0.2), "wide", None])
 @pytest.mark.parametrize(("kind", "parameters"), [SHAPES[name] for name in SHAPES if "fat" in name or "box" in name])
-def test_a_size_that_is_no_positive_number_is_named(kind, parameters, wrong):
+def test_a_size_that_is_not_a_positive_number_is_refused_by_name(kind, parameters, wrong):
     for name in parameters:
         with pytest.raises(InputError, match=name) as error:
             kind(**{**parameters, name: wrong})

@@ -1,4 +1,4 @@
-"""Scale, then turn, then move: distances stay true."""
+"""Scale, then rotate, then move: distances stay exact."""
 
 import math
 
@@ -20,13 +20,13 @@ SOLID = CappedCone(0.5, 0.3, 0.1)
 POINTS = points_around(SOLID, count=200)
 
 
-def turn(axis, degrees):
+def rotation_about(axis, degrees):
     return axis_rotation(torch.tensor(axis, dtype=torch.float64), degrees)
 
 
 @given(axis, degrees)
 def test_a_rotation_is_orthonormal_and_right_handed(axis, degrees):
-    matrix = turn(axis, degrees)
+    matrix = rotation_about(axis, degrees)
     torch.testing.assert_close(matrix @ matrix.T, torch.eye(3, dtype=torch.float64))
     assert float(torch.linalg.det(matrix)) == pytest.approx(1)
     direction = torch.tensor(axis, dtype=torch.float64)
@@ -39,41 +39,43 @@ def test_a_quarter_turn_about_z_takes_x_to_y():
 
 
 @given(axis, degrees)
-def test_turning_back_undoes_a_turn(axis, degrees):
-    torch.testing.assert_close(turn(axis, degrees) @ turn(axis, -degrees), torch.eye(3, dtype=torch.float64))
+def test_the_opposite_rotation_is_the_inverse(axis, degrees):
+    torch.testing.assert_close(
+        rotation_about(axis, degrees) @ rotation_about(axis, -degrees), torch.eye(3, dtype=torch.float64)
+    )
 
 
 @given(axis, degrees, offset, st.floats(0.1, 10))
-def test_points_that_move_along_keep_their_distance_times_the_scale(axis, degrees, offset, scale):
-    rotation = turn(axis, degrees)
+def test_points_that_are_transformed_along_have_the_scaled_distance(axis, degrees, offset, scale):
+    rotation = rotation_about(axis, degrees)
     shift, size = torch.tensor(offset, dtype=torch.float64), torch.tensor(scale, dtype=torch.float64)
     moved = Transformed(SOLID, rotation, shift, size)
-    seen = scale * POINTS @ rotation.T + shift
-    torch.testing.assert_close(moved.to_own_frame(seen), POINTS, atol=1e-9, rtol=0)
-    distance, normal = moved.distance_and_normal(seen)
+    world = scale * POINTS @ rotation.T + shift
+    torch.testing.assert_close(moved.to_own_frame(world), POINTS, atol=1e-9, rtol=0)
+    distance, normal = moved.distance_and_normal(world)
     own_distance, own_normal = SOLID.distance_and_normal(POINTS)
     torch.testing.assert_close(distance, scale * own_distance, atol=1e-9, rtol=0)
-    torch.testing.assert_close(distance, moved.distance(seen))
+    torch.testing.assert_close(distance, moved.distance(world))
     torch.testing.assert_close(normal, own_normal @ rotation.T, atol=1e-6, rtol=0)
 
 
 @given(st.floats(0.1, 10))
-def test_the_scale_law(scale):
+def test_distances_scale_with_the_surface(scale):
     scaled = Transformed(SOLID, scale=torch.tensor(scale, dtype=torch.float64))
     torch.testing.assert_close(scaled.distance(POINTS), scale * SOLID.distance(POINTS / scale))
 
 
 @given(axis, degrees, offset, st.floats(0.2, 3))
-def test_bounds_hold_the_solid(axis, degrees, offset, scale):
-    moved = Transformed(SOLID, turn(axis, degrees), offset, scale)
+def test_bounds_contain_the_solid(axis, degrees, offset, scale):
+    moved = Transformed(SOLID, rotation_about(axis, degrees), offset, scale)
     lower, upper = moved.bounds()
-    query = scale * POINTS @ turn(axis, degrees).T + torch.tensor(offset, dtype=torch.float64)
+    query = scale * POINTS @ rotation_about(axis, degrees).T + torch.tensor(offset, dtype=torch.float64)
     within = query[moved.distance(query) < 0]
     assert len(within)
     assert ((within >= lower - 1e-5) & (within <= upper + 1e-5)).all()
 
 
-def test_gradients_reach_axis_angle_place_scale_and_shape():
+def test_gradients_reach_axis_angle_translation_scale_and_shape():
     values = ((0.3, -0.5, 1.0), 40.0, (0.1, 0.2, -0.1), 1.3, (0.4, 0.5, 0.6))
     inputs = [torch.tensor(value, dtype=torch.float64, requires_grad=True) for value in values]
     query = points_around(Sphere(0.6), count=20, seed=4).requires_grad_()
@@ -87,7 +89,7 @@ def test_gradients_reach_axis_angle_place_scale_and_shape():
 
 @pytest.mark.parametrize("dtype", [torch.float32, torch.float64])
 @pytest.mark.parametrize("parameter", [torch.float32, torch.float64])
-def test_precisions_mix_and_answers_come_in_the_precision_of_the_points(dtype, parameter):
+def test_precisions_mix_and_results_have_the_precision_of_the_points(dtype, parameter):
     size = torch.tensor([0.4, 0.5, 0.6], dtype=parameter)
     cone = CappedCone(size[0], size[1], size[2])
     for inner in (Box(size), cone, Union(Box((0.3, 0.3, 0.3)), Sphere(size[0]))):
@@ -105,7 +107,7 @@ def test_a_mirror_image_keeps_distances():
     torch.testing.assert_close(normal, own_normal @ mirror)
 
 
-def test_an_answer_records_gradients_only_where_something_wants_them():
+def test_results_require_gradients_only_if_an_input_does():
     query = torch.rand(5, 3)
     assert not any(result.requires_grad for result in Transformed(SOLID).distance_and_normal(query))
     grown = Transformed(SOLID, scale=torch.tensor(1.0, requires_grad=True))
@@ -136,12 +138,12 @@ def test_an_axis_without_a_direction_is_refused(wrong):
         ({"scale": -1.0}, "scale"),
     ],
 )
-def test_what_would_make_distances_untrue_is_refused(arguments, named):
+def test_transformations_that_change_distances_are_refused(arguments, named):
     with pytest.raises(InputError, match=named):
         Transformed(Sphere(0.3), **arguments)
 
 
-def test_a_transformed_mesh_keeps_its_own_triangles_and_a_mirrored_one_its_outside():
+def test_a_transformed_mesh_keeps_its_triangles_and_a_mirrored_one_its_orientation():
     tube = trimesh.creation.cylinder(0.2, 0.5)
     mirror = torch.diag(torch.tensor([-1.0, 1.0, 1.0]))
     solid = Transformed(MeshSurface(tube), mirror, (0.1, 0.0, 0.3), scale=0.5)

@@ -1,4 +1,4 @@
-"""Bowl and funnel: exact outside, a safe bound in the wall, smooth in the two radii that design turns."""
+"""Bowl and funnel: exact outside, a bound inside the wall, differentiable in the two radii that design optimizes."""
 
 import math
 
@@ -36,7 +36,7 @@ def arc(center, radius, start, end, count=100):
 
 
 def outline(kind, parameters):
-    """The solid's outline in the (radial, axial) half plane, counterclockwise, made without the distance."""
+    """The solid's outline in the (radial, axial) half plane, counterclockwise, without the distance function."""
     capture, hole, wall = parameters["capture_radius"], parameters["filter_radius"], parameters.get("wall", 0.04)
     if kind is Bowl:
         outside = arc(0, capture + wall, -math.degrees(math.acos(hole / (capture + wall))), 0)
@@ -47,8 +47,8 @@ def outline(kind, parameters):
     height, spout = parameters.get("height", 0.25), parameters.get("spout", 0.1)
     inner = np.array([[capture, 0], [hole, -height], [hole, -height - spout]])
     middle = inner + np.array([wall / 2, 0])
-    share = np.linspace(0, 1, 2000)[:, None]
-    line = np.concatenate([middle[i] + share * (middle[i + 1] - middle[i]) for i in (0, 1)])
+    fraction = np.linspace(0, 1, 2000)[:, None]
+    line = np.concatenate([middle[i] + fraction * (middle[i + 1] - middle[i]) for i in (0, 1)])
     return np.concatenate([line + disc for disc in arc(0, wall / 2, 0, 360, 181)])
 
 
@@ -71,7 +71,7 @@ def test_distance_is_exact_outside_and_a_bound_inside(vessel):
     outside = distance > 0.001
     assert 500 < outside.sum() < 4000
     torch.testing.assert_close(distance[outside], true[outside], atol=4e-4, rtol=0)
-    if kind is Bowl:  # the outline of the funnel runs through its own inside
+    if kind is Bowl:  # the outline of the funnel passes through its inside
         assert (distance[~outside].abs() <= true[~outside] + 4e-4).all()
 
 
@@ -93,7 +93,7 @@ def test_the_gradient_has_unit_length(vessel):
 
 
 @pytest.mark.parametrize(("capture", "hole"), [(0.2, 0.05), (0.2, 0.0), (0.07, 0.05)])
-def test_a_bowl_is_as_wide_inside_as_its_radii_say(capture, hole):
+def test_the_radii_of_a_bowl_are_those_of_its_openings(capture, hole):
     bowl = Bowl(capture, hole)
     mouth_rim, hole_rim = bowl.distance(torch.tensor([[capture, 0.0, 0.0], [hole, 0.0, -capture - 0.02]]))
     in_hole = bowl.distance(torch.tensor([[0.0, 0.0, -capture - 0.02]]))
@@ -103,7 +103,7 @@ def test_a_bowl_is_as_wide_inside_as_its_radii_say(capture, hole):
 
 
 @pytest.mark.parametrize(("capture", "hole"), [(0.221, 0.0714), (0.1, 0.09)])
-def test_a_spout_is_as_wide_inside_as_the_filter_radius(capture, hole):
+def test_the_inner_radius_of_a_spout_is_the_filter_radius(capture, hole):
     funnel = Funnel(capture, hole)
     wall_of_spout, middle_of_spout = funnel.distance(torch.tensor([[0.0, hole, -0.32], [0.0, 0.0, -0.32]]))
     assert abs(float(wall_of_spout)) < 1e-6
@@ -123,13 +123,13 @@ def test_bounds_are_the_tightest_box(vessel):
 def test_gradients_in_points_and_radii_are_those_of_finite_differences(vessel):
     kind, parameters = vessel
     values = doubles(parameters)
-    turned = [name for name in values if float(values[name])]  # a closed hole cannot be made smaller
+    optimized = [name for name in values if float(values[name])]  # a closed hole cannot be made smaller
     points = points_around(kind(**values), count=60, seed=3).requires_grad_()
 
     def distance(points, *arguments):
-        return kind(**{**values, **dict(zip(turned, arguments, strict=True))}).distance(points)
+        return kind(**{**values, **dict(zip(optimized, arguments, strict=True))}).distance(points)
 
-    inputs = [values[name].requires_grad_() for name in turned]
+    inputs = [values[name].requires_grad_() for name in optimized]
     assert torch.autograd.gradcheck(distance, (points, *inputs), eps=1e-7, atol=1e-6)
 
 
@@ -137,8 +137,8 @@ def test_every_derivative_is_finite_at_special_points(vessel):
     kind, parameters = vessel
     values = {name: value.requires_grad_() for name, value in doubles(parameters).items()}
     capture, hole = parameters["capture_radius"], parameters["filter_radius"]
-    places = [(x, 0.0, z) for x in (0.0, hole, capture, capture + 0.02) for z in (0.0, -0.1, -capture, -0.25, 0.3)]
-    points = torch.tensor(places, dtype=torch.float64, requires_grad=True)
+    positions = [(x, 0.0, z) for x in (0.0, hole, capture, capture + 0.02) for z in (0.0, -0.1, -capture, -0.25, 0.3)]
+    points = torch.tensor(positions, dtype=torch.float64, requires_grad=True)
     distance, normal = kind(**values).distance_and_normal(points)
     inputs = (points, *values.values())
     first = torch.autograd.grad(distance.sum(), inputs, retain_graph=True)
@@ -147,7 +147,7 @@ def test_every_derivative_is_finite_at_special_points(vessel):
         assert value is None or torch.isfinite(value).all()
 
 
-def test_water_in_the_hole_tells_design_which_way_to_turn_it():
+def test_water_in_the_hole_gives_a_gradient_in_its_radius():
     radius = torch.tensor(0.05, requires_grad=True)
     in_hole = torch.tensor([[0.03, 0.0, -0.22]])
     Bowl(0.2, radius).distance(in_hole).sum().backward()
@@ -164,7 +164,7 @@ def test_single_precision_agrees_with_double(vessel):
 
 
 @pytest.mark.parametrize("wrong", [-0.01, math.nan, math.inf, (0.1, 0.2), "wide", None])
-def test_a_size_that_cannot_be_is_named(vessel, wrong):
+def test_invalid_sizes_are_refused_by_name(vessel, wrong):
     kind, parameters = vessel
     for name in parameters:
         with pytest.raises(InputError, match=name) as error:
@@ -172,6 +172,6 @@ def test_a_size_that_cannot_be_is_named(vessel, wrong):
         assert "\n" not in str(error.value)
 
 
-def test_a_hole_as_wide_as_the_mouth_leaves_no_bowl():
+def test_a_hole_as_wide_as_the_mouth_is_refused():
     with pytest.raises(InputError, match=r"filter_radius is 0.2 m, but must be smaller than the capture_radius of 0.2"):
         Bowl(0.2, 0.2)

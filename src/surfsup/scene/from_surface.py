@@ -125,12 +125,12 @@ def shape_of_file(path: Path, placement: Placement) -> dict[str, Any]:
         names = ", ".join(sdf.shipped_surfaces())
         raise InputError(f"{path}: there is no such file; give a file or a shipped surface ({names})")
     file = path if shipped else path.resolve()
-    if not shipped and path.suffix.lower() != surface_file.ENDING:
+    if not shipped and path.suffix.lower() != surface_file.SUFFIX:
         require_single_shape(path, placement)
         return {"mesh": MeshShape(file=file, fit=placement.fit, up=placement.up)}
     if placement.up is not None:
         raise InputError(f"{path}: a neural surface already has z up; omit --up")
-    if surface_file.kind_of(sdf.resolve(path)) == surface_file.DEEPSDF:
+    if surface_file.read_format(sdf.surface_path(path)) == surface_file.DEEPSDF:
         return {"deepsdf": DeepSdfShape(file=file, fit=placement.fit, shape=placement.shape)}
     require_single_shape(path, placement)
     return {"siren": SirenShape(file=file, fit=placement.fit)}

@@ -11,7 +11,7 @@ from pydantic import Field, model_validator
 
 from surfsup import sdf
 from surfsup.scene.strict_model import Finite, Length, StrictModel, Vector
-from surfsup.sdf.neural.shipped_surfaces import seen_from
+from surfsup.sdf.neural.shipped_surfaces import path_from
 
 if TYPE_CHECKING:
     import trimesh
@@ -128,8 +128,8 @@ class SirenShape(StrictModel):
 
     def surface(self, folder: Path = Path()) -> sdf.Surface:
         """Build the surface; ``folder`` is the base of relative paths."""
-        siren = sdf.load_siren(seen_from(folder, self.file))
-        return siren.in_own_unit() if self.fit is None else sdf.standing(siren, self.fit)
+        siren = sdf.load_siren(path_from(folder, self.file))
+        return siren.in_original_units() if self.fit is None else sdf.fit_surface(siren, self.fit)
 
 
 class DeepSdfShape(StrictModel):
@@ -154,10 +154,10 @@ class DeepSdfShape(StrictModel):
 
     def surface(self, folder: Path = Path()) -> sdf.Surface:
         """Build the surface; ``folder`` is the base of relative paths."""
-        shapes = sdf.load_deepsdf(seen_from(folder, self.file))
+        shapes = sdf.load_deepsdf(path_from(folder, self.file))
         code = shapes.code(self.shape) if self.code is None else torch.tensor(self.code)
-        surface = shapes.surface(code).with_lattice()
-        return surface if self.fit is None else sdf.standing(surface, self.fit)
+        surface = shapes.surface(code).with_grid()
+        return surface if self.fit is None else sdf.fit_surface(surface, self.fit)
 
 
 class HeightfieldShape(StrictModel):

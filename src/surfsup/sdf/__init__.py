@@ -1,4 +1,4 @@
-"""Surfaces: any solid as a signed distance function."""
+"""Surfaces: solids as signed distance functions."""
 
 from surfsup.sdf.boxes import Boxes
 from surfsup.sdf.combine import Difference, Intersection, Union
@@ -7,9 +7,9 @@ from surfsup.sdf.marching_cubes import polygonize
 from surfsup.sdf.mesh.mesh_file import MeshWarning, fit_mesh, load_mesh
 from surfsup.sdf.mesh.surface import MeshSurface
 from surfsup.sdf.neural.deepsdf import DeepSdf, DeepSdfSurface, load_deepsdf, save_deepsdf
-from surfsup.sdf.neural.shipped_surfaces import resolve, shipped_surfaces
+from surfsup.sdf.neural.shipped_surfaces import shipped_surfaces, surface_path
 from surfsup.sdf.neural.siren import SirenSurface, load_siren, save_siren
-from surfsup.sdf.neural.surface import NeuralSurface, standing
+from surfsup.sdf.neural.surface import NeuralSurface, fit_surface
 from surfsup.sdf.primitives import Box, CappedCone, Cylinder, Sphere, Torus
 from surfsup.sdf.surface import Surface
 from surfsup.sdf.transform import Transformed, axis_rotation
@@ -39,14 +39,14 @@ __all__ = [
     "Union",
     "axis_rotation",
     "fit_mesh",
+    "fit_surface",
     "load_deepsdf",
     "load_heights",
     "load_mesh",
     "load_siren",
     "polygonize",
-    "resolve",
     "save_deepsdf",
     "save_siren",
     "shipped_surfaces",
-    "standing",
+    "surface_path",
 ]

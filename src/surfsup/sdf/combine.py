@@ -1,12 +1,13 @@
-"""Solids made of solids: union, intersection, difference.
+"""Constructive solid geometry: union, intersection, difference.
 
-The minimum of two distances is the true distance outside a union; inside it, and everywhere for
-intersections and differences, it is only a bound (never too large in size), with exact sign and zero set.
+The minimum of two distances is the exact distance outside a union. Inside it, and everywhere for intersections and
+differences, the result is only a bound: never too large in absolute value, with exact sign and zero set.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Sequence
+from typing import cast
 
 import torch
 from torch import Tensor, nn
@@ -17,23 +18,25 @@ from surfsup.sdf.surface import Surface
 
 
 class Union(Surface):
-    """All that is in any of ``parts``: true distance outside, a bound inside."""
+    """Everything in any of ``parts``: exact distance outside, a bound inside."""
+
+    parts: Sequence[Surface]
 
     def __init__(self, *parts: Surface) -> None:
         super().__init__()
-        self.parts = at_least_one("union", parts)
+        self.parts = module_list("union", parts)
 
     def distance(self, points: Tensor) -> Tensor:
         """The smallest of the parts' distances (N,)."""
         return torch.stack([part.distance(points) for part in self.parts]).amin(dim=0)
 
     def native_solid(self) -> native.Solid | None:
-        """The same in C++, if all parts have that."""
-        return native_of("union", self.parts)
+        """The same solid for the native code; None if it does not support a part."""
+        return native_operation("union", self.parts)
 
     @property
     def exact_outside(self) -> bool:
-        """As far as every part's is."""
+        """Whether every part is exact outside."""
         return all(part.exact_outside for part in self.parts)
 
     def bounds(self) -> Tensor:
@@ -45,47 +48,49 @@ class Union(Surface):
 class Intersection(Surface):
     """Only what is in every one of ``parts``: a bound on the distance."""
 
+    parts: Sequence[Surface]
+
     def __init__(self, *parts: Surface) -> None:
         super().__init__()
-        self.parts = at_least_one("intersection", parts)
+        self.parts = module_list("intersection", parts)
 
     def distance(self, points: Tensor) -> Tensor:
         """The largest of the parts' distances (N,)."""
         return torch.stack([part.distance(points) for part in self.parts]).amax(dim=0)
 
     def native_solid(self) -> native.Solid | None:
-        """The same in C++, if all parts have that."""
-        return native_of("intersection", self.parts)
+        """The same solid for the native code; None if it does not support a part."""
+        return native_operation("intersection", self.parts)
 
     @property
     def exact_outside(self) -> bool:
-        """No: beside an edge where two parts meet the distance is larger."""
+        """False: beside an edge where two parts meet the distance is larger."""
         return False
 
     def bounds(self) -> Tensor:
-        """What the boxes of all parts share (2, 3); empty where lower > upper."""
+        """The intersection of the boxes of all parts (2, 3); empty if lower > upper."""
         boxes = torch.stack([part.bounds() for part in self.parts])
         return torch.stack([boxes[:, 0].amax(dim=0), boxes[:, 1].amin(dim=0)])
 
 
 class Difference(Surface):
-    """``base`` with ``cut`` taken away: a bound on the distance."""
+    """``base`` without ``cut``: a bound on the distance."""
 
     def __init__(self, base: Surface, cut: Surface) -> None:
         super().__init__()
         self.base, self.cut = base, cut
 
     def distance(self, points: Tensor) -> Tensor:
-        """Distance to what is inside ``base`` and outside ``cut`` (N,)."""
+        """The larger of the distance to ``base`` and the negative distance to ``cut`` (N,)."""
         return torch.maximum(self.base.distance(points), -self.cut.distance(points))
 
     def native_solid(self) -> native.Solid | None:
-        """The same in C++, if all parts have that."""
-        return native_of("difference", (self.base, self.cut))
+        """The same solid for the native code; None if it does not support a part."""
+        return native_operation("difference", (self.base, self.cut))
 
     @property
     def exact_outside(self) -> bool:
-        """No: beside an edge that was cut the distance is larger."""
+        """False: beside the edges of the cut the distance is larger."""
         return False
 
     def bounds(self) -> Tensor:
@@ -93,18 +98,23 @@ class Difference(Surface):
         return self.base.bounds()
 
 
-def native_of(operation: str, parts: Iterable[Surface]) -> native.Solid | None:
-    """The native solid of an operation on ``parts``; None where one of them has none."""
-    solids = [part.native_solid() for part in parts]
-    return None if None in solids else native.Solid(operation, [], solids)
+def native_operation(operation: str, parts: Sequence[Surface]) -> native.Solid | None:
+    """The native solid of an operation on ``parts``; None if the native code does not support a part."""
+    solids = []
+    for part in parts:
+        solid = part.native_solid()
+        if solid is None:
+            return None
+        solids.append(solid)
+    return native.Solid(operation, [], solids)
 
 
-def at_least_one(operation: str, parts: tuple[Surface, ...]) -> nn.ModuleList:
-    """The parts as a module list.
+def module_list(operation: str, parts: tuple[Surface, ...]) -> Sequence[Surface]:
+    """``parts`` as a module list, which torch does not type by its elements.
 
     Raises:
-        InputError: there are none.
+        InputError: There are none.
     """
     if not parts:
         raise InputError(f"{operation}: has no parts; list at least one surface")
-    return nn.ModuleList(parts)
+    return cast(Sequence[Surface], nn.ModuleList(parts))

@@ -1,4 +1,4 @@
-"""Distances at the nodes of a regular grid, for all who are far from a surface."""
+"""Signed distances on a regular grid, for queries far from a surface whose exact distance is slow."""
 
 from __future__ import annotations
 
@@ -6,93 +6,163 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
+from surfsup import native
+from surfsup.native.dispatch import can_run_native
 from surfsup.sdf.mesh.query import MeshQuery
 
-CHUNK = 100_000  # nodes that the mesh is asked for at once
+CHUNK = 100_000  # grid nodes per query of a mesh
+NativeGrid = tuple[np.ndarray, tuple[float, ...], tuple[float, ...], float, tuple[int, ...]]
 
 
-class Lattice(nn.Module):
-    """Signed distances at the nodes of a grid, interpolated between them and continued beyond its border.
+class SdfGrid(nn.Module):
+    """Signed distance and gradient at the nodes of a grid, interpolated between them and extrapolated beyond them.
 
-    Between nodes x_i with value f_i and gradient g_i (central differences) the value is Σ w_i (f_i + ½ g_i·(p - x_i)),
-    w_i the trilinear weights, of third order in the cell. It is differentiable in the points.
+    Between nodes x_i with distance f_i and gradient g_i the value is Σ w_i (f_i + ½ g_i·(p - x_i)) with trilinear
+    weights w_i. Trilinear interpolation of f_i alone errs by the curvature; the weighted mean of the first-order
+    expansions errs by as much in the other direction. Half of each cancels it and leaves an error of third order in
+    the cell.
+
+    The interpolated gradient is the trilinear mean of the g_i. It is deliberately not normalized: the shorter it is,
+    the less the surrounding nodes agree.
 
     Args:
-        values: (X, Y, Z) float, in the surface's own unit.
-        lower: (3,) the first node.
-        cell: from node to node.
+        distance: (X, Y, Z) signed distance at the nodes, kept as ``node_distance``.
+        gradient: (X, Y, Z, 3) gradient at the nodes.
+        lower: (3,) position of the first node, in the precision of the queries.
+        cell: Distance from node to node.
+        center: (3,) origin of the positions in the table, near the middle of the grid, so that the single precision of
+            the table suffices anywhere. None for grids around the origin.
     """
 
-    def __init__(self, values: Tensor, lower: Tensor, cell: float) -> None:
+    node_distance: Tensor
+    lower: Tensor
+    upper: Tensor
+    center: Tensor | None
+    table: Tensor
+    last_cell: Tensor
+    stride: Tensor
+    corner_offsets: Tensor
+
+    def __init__(
+        self, distance: Tensor, gradient: Tensor, lower: Tensor, cell: float, center: Tensor | None = None
+    ) -> None:
         super().__init__()
-        self.cell, self.shape = float(cell), tuple(values.shape)
-        self.register_buffer("lower", lower.float())
-        self.register_buffer("upper", self.lower + self.cell * (torch.tensor(self.shape) - 1))
-        values = values.float()
-        gradient = torch.stack(torch.gradient(values, spacing=self.cell), dim=-1)
+        self.cell, self.shape = float(cell), tuple(distance.shape)
+        shape = torch.tensor(self.shape)
+        self.register_buffer("node_distance", distance)
+        self.register_buffer("lower", lower)
+        self.register_buffer("upper", lower + self.cell * (shape - 1).to(lower.dtype))
+        self.register_buffer("center", center)
+        # The mean Σ w_i (f_i + ½ g_i·(p - x_i)) is one interpolation of four channels, base and g, with
+        # base_i = f_i - ½ g_i·x_i.
         gradient = gradient.reshape(-1, 3)
-        base = values.reshape(-1) - 0.5 * (gradient * self.nodes()).sum(dim=-1)
-        self.register_buffer("table", torch.cat([base[:, None], gradient], dim=-1))
-        self.register_buffer("last_cell", torch.tensor(self.shape) - 2)
+        base = distance.reshape(-1) - 0.5 * (gradient * self.offset(self.nodes())).sum(dim=-1)
+        self.register_buffer("table", torch.cat([base[:, None], gradient], dim=-1).float())
+        self.register_buffer("last_cell", shape - 2)
         self.register_buffer("stride", torch.tensor([self.shape[1] * self.shape[2], self.shape[2], 1]))
-        corners = torch.cartesian_prod(*[torch.tensor([0, 1])] * 3)
-        self.register_buffer("steps", corners @ self.stride)
+        self.register_buffer("corner_offsets", torch.cartesian_prod(*[torch.tensor([0, 1])] * 3) @ self.stride)
 
     @classmethod
-    def around(cls, vertices: np.ndarray, faces: np.ndarray, cell: float, margin: float) -> Lattice:
-        """The exact distances to a mesh, at nodes up to ``margin`` beyond its box."""
-        values, lower = distances_around(vertices, faces, cell, margin)
-        return cls(values, lower, cell)
+    def from_distances(cls, distance: Tensor, lower: Tensor, cell: float) -> SdfGrid:
+        """A grid in single precision from the distances (X, Y, Z) alone; gradients are central differences."""
+        distance = distance.float()
+        gradient = torch.stack(torch.gradient(distance, spacing=float(cell)), dim=-1)
+        return cls(distance, gradient, lower.float(), cell)
 
-    def values(self) -> Tensor:
-        """The distances at the nodes (X, Y, Z)."""
-        return (self.table[:, 0] + 0.5 * (self.table[:, 1:] * self.nodes()).sum(dim=-1)).reshape(self.shape)
+    @classmethod
+    def from_mesh(cls, query: MeshQuery, cell: float, margin: float) -> SdfGrid:
+        """A grid of exact distances and gradients for queries in double precision, see :func:`mesh_distances`."""
+        distance, gradient, lower = mesh_distances(query, cell, margin)
+        size = torch.from_numpy(np.ptp(query.vertices, axis=0) + 2 * margin)
+        return cls(distance, gradient, lower, cell, center=lower + size / 2)
 
     def nodes(self) -> Tensor:
-        """Where they are (X · Y · Z, 3)."""
-        corners = zip(self.lower, self.shape, strict=True)
-        axes = [low + self.cell * torch.arange(count, device=low.device) for low, count in corners]
-        return torch.stack(torch.meshgrid(*axes, indexing="ij"), dim=-1).reshape(-1, 3)
+        """The positions of the nodes (X · Y · Z, 3)."""
+        return grid_nodes(self.lower, self.cell, self.shape)
 
-    def grid(self) -> tuple[np.ndarray, tuple[float, ...], float, tuple[int, ...]]:
-        """Table, first node, cell and nodes along each axis, as :meth:`surfsup.native.Solid.of_network` takes them."""
-        return self.table.numpy(), tuple(self.lower.tolist()), self.cell, self.shape
+    def native_arguments(self) -> NativeGrid:
+        """Table, first node, center, cell and shape, as the native code takes them; the table is not copied."""
+        center = torch.zeros(3) if self.center is None else self.center
+        return self.table.numpy(), tuple(self.lower.tolist()), tuple(center.tolist()), self.cell, self.shape
+
+    def offset(self, points: Tensor) -> Tensor:
+        """``points`` (N, 3) relative to the center."""
+        return points if self.center is None else points - self.center
+
+    def contains(self, points: Tensor) -> Tensor:
+        """Whether each of ``points`` (N, 3) is inside the grid, (N,)."""
+        return ((points >= self.lower) & (points <= self.upper)).all(dim=-1)
 
     def sample(self, points: Tensor) -> tuple[Tensor, Tensor]:
-        """Distance (N,) and gradient (N, 3) of ``points`` (N, 3).
+        """Distance (N,) and gradient (N, 3) at ``points`` (N, 3), in their precision and differentiable in them.
 
-        Beyond the grid it is the distance to the surface point nearest to the nearest border point: never too small
-        but for the grid's own error, too large by at most the size of the surface.
+        Beyond the grid it is the distance to the surface point nearest to the nearest border point of the grid. Apart
+        from interpolation errors it is never too small, and too large by at most the size of the surface.
         """
         border = points.clamp(self.lower, self.upper)
-        place = (border - self.lower) / self.cell
-        cell = torch.minimum(place.detach().long(), self.last_cell)
-        along = (place - cell).unsqueeze(-1)
-        sides = torch.cat([1 - along, along], dim=-1)
-        weight = sides[:, 0, :, None, None] * sides[:, 1, None, :, None] * sides[:, 2, None, None, :]
-        # By a sum: on a GPU torch has no product of whole numbers' matrices.
-        corners = self.table[(cell * self.stride).sum(dim=-1)[:, None] + self.steps]
-        mean = torch.einsum("nk,nkc->nc", weight.reshape(-1, 8), corners)
-        gradient = mean[:, 1:]
-        distance = mean[:, 0] + 0.5 * (border * gradient).sum(dim=-1)
-        beyond = (points - border).detach().ne(0).any(dim=-1)
+        distance, gradient = self.interpolate(border)
+        beyond = ~self.contains(points.detach())
         if bool(beyond.any()):
             away = points - border + distance[:, None] * nn.functional.normalize(gradient, dim=-1)
             distance = torch.where(beyond, torch.linalg.vector_norm(away, dim=-1), distance)
             gradient = torch.where(beyond[:, None], away, gradient)
         return distance, gradient
 
+    def interpolate(self, points: Tensor) -> tuple[Tensor, Tensor]:
+        """Distance (N,) and mean gradient (N, 3) at ``points`` (N, 3) inside the grid."""
+        if can_run_native(points, dtype=torch.float64):
+            return self.interpolate_native(points)
+        position = (points - self.lower) / self.cell
+        cell = torch.minimum(position.detach().long(), self.last_cell)
+        fraction = (position - cell).float().unsqueeze(-1)
+        sides = torch.cat([1 - fraction, fraction], dim=-1)
+        weight = sides[:, 0, :, None, None] * sides[:, 1, None, :, None] * sides[:, 2, None, None, :]
+        # A sum instead of a product of integer matrices, which torch lacks on GPUs.
+        corners = self.table[(cell * self.stride).sum(dim=-1)[:, None] + self.corner_offsets]
+        mean = torch.einsum("nk,nkc->nc", weight.reshape(-1, 8), corners).to(points.dtype)
+        gradient = mean[:, 1:]
+        return mean[:, 0] + 0.5 * (self.offset(points) * gradient).sum(dim=-1), gradient
 
-def distances_around(vertices: np.ndarray, faces: np.ndarray, cell: float, margin: float) -> tuple[Tensor, Tensor]:
-    """Exact signed distances (X, Y, Z) to a mesh at the nodes of a grid around it, and the first node (3,)."""
-    query = MeshQuery(vertices, faces)
-    lower = vertices.min(axis=0) - margin
-    shape = np.ceil((np.ptp(vertices, axis=0) + 2 * margin) / cell).astype(int) + 1
-    axes = [low + cell * np.arange(count) for low, count in zip(lower, shape, strict=True)]
-    nodes = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
-    signed = []
+    def interpolate_native(self, points: Tensor) -> tuple[Tensor, Tensor]:
+        """The same for points in double precision by the native code."""
+        points = points.detach().contiguous()
+        distance, gradient = points.new_empty(len(points)), torch.empty_like(points)
+        native.sample(
+            self.native_arguments(), points.numpy(), distance.numpy(), gradient.numpy(), torch.get_num_threads()
+        )
+        return distance, gradient
+
+    def nearest_node(self, points: Tensor) -> tuple[Tensor, Tensor]:
+        """Distance (N,) from ``points`` (N, 3) inside the grid to the nearest node, and the index (N,) of that node."""
+        position = (points - self.lower) / self.cell
+        node = position.round()
+        return torch.linalg.vector_norm(position - node, dim=-1) * self.cell, (node.long() * self.stride).sum(dim=-1)
+
+
+def grid_nodes(lower: Tensor, cell: float, shape: tuple[int, ...]) -> Tensor:
+    """The nodes (X · Y · Z, 3) of a grid of ``shape`` that starts at ``lower`` (3,), z varying fastest."""
+    axes = [
+        low + cell * torch.arange(count, dtype=lower.dtype, device=lower.device)
+        for low, count in zip(lower, shape, strict=True)
+    ]
+    return torch.stack(torch.meshgrid(*axes, indexing="ij"), dim=-1).reshape(-1, 3)
+
+
+def mesh_distances(query: MeshQuery, cell: float, margin: float) -> tuple[Tensor, Tensor, Tensor]:
+    """Exact signed distances to a mesh at the nodes of a grid that extends ``margin`` beyond its box.
+
+    Returns:
+        Distances (X, Y, Z), gradients (X, Y, Z, 3) and the first node (3,), float64.
+    """
+    lower = torch.from_numpy(query.vertices.min(axis=0) - margin)
+    shape = tuple(np.ceil((np.ptp(query.vertices, axis=0) + 2 * margin) / cell).astype(int).tolist())
+    shape = tuple(count + 1 for count in shape)
+    nodes = grid_nodes(lower, cell, shape).numpy()
+    signed, gradients = [], []
     for part in np.array_split(nodes, max(1, len(nodes) // CHUNK)):
-        distance, _, _ = query.nearest(part)
-        signed.append(np.where(query.inside(part), -distance, distance))
-    values = torch.from_numpy(np.concatenate(signed).reshape(shape)).float()
-    return values, torch.from_numpy(lower).float()
+        distance, face, closest = query.nearest(part)
+        inside = query.inside(part)
+        signed.append(np.where(inside, -distance, distance))
+        gradients.append(query.normal(part, distance, face, closest, inside))
+    distances, normals = (torch.from_numpy(np.concatenate(parts)) for parts in (signed, gradients))
+    return distances.reshape(shape), normals.reshape(*shape, 3), lower

@@ -1,4 +1,4 @@
-"""Terrain: a grid of heights out of a file, as a closed solid."""
+"""Terrain: a grid of heights from a file, as a closed solid."""
 
 from __future__ import annotations
 
@@ -15,57 +15,57 @@ from surfsup.sdf.mesh.surface import MeshSurface
 if TYPE_CHECKING:
     import trimesh
 
-ENDINGS = (".png", ".tif", ".tiff", ".npz", ".npy")
-GRAY_MODES = ("L", "F", "I")  # as Pillow calls gray of 8 bits, of floats and of 32 bits; those of 16 begin with I;
-NODATA_TAG = 42113  # in which GDAL notes the value that stands for "not known"
-MOST_IN_FILE = 50_000_000  # samples that are read at all
-MOST_SAMPLES = 1_000_000  # that a surface is made of, two triangles each
+SUFFIXES = (".png", ".tif", ".tiff", ".npz", ".npy")
+GRAY_MODES = ("L", "F", "I")  # Pillow's modes for gray of 8 bits, floats and 32 bits; those of 16 bits start with I;
+NODATA_TAG = 42113  # TIFF tag of GDAL for the value of unknown samples
+MAX_FILE_SAMPLES = 50_000_000
+MAX_SAMPLES = 1_000_000  # of a surface, two triangles each
 ROUNDING = 1e-9
 
 
 def load_heights(path: str | Path) -> np.ndarray:
-    """The heights (rows, columns) float64 in a file, in the file's own unit; row 0 is north.
+    """The heights (rows, columns) float64 in a file, in the units of the file; row 0 is north.
 
-    A gray PNG of 8 or 16 bits, a GeoTIFF of one band, an NPY file, or an NPZ file with one two-dimensional array.
-    Coordinates that the file may hold are not read.
+    The file is a gray PNG of 8 or 16 bits, a GeoTIFF of one band, an NPY file, or an NPZ file with one two-dimensional
+    array. Coordinates in the file are ignored.
 
     Raises:
-        InputError: the file is missing, of another kind, damaged, in color, too small or too large, or has holes.
+        InputError: The file is missing, of another format, damaged, in color, too small or too large, or has holes.
     """
     path = Path(path)
-    ending = path.suffix.lower()
-    if ending not in ENDINGS:
-        raise InputError(f"{path}: is no terrain that can be read; give one that ends in {', '.join(ENDINGS)}")
+    suffix = path.suffix.lower()
+    if suffix not in SUFFIXES:
+        raise InputError(f"{path}: is not a terrain that can be read; give one that ends in {', '.join(SUFFIXES)}")
     if not path.is_file():
         raise InputError(f"{path}: cannot be read; check the path")
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # Pillow's on large images: ours follows
-            heights = read_array(path) if ending in (".npz", ".npy") else read_image(path)
+            warnings.simplefilter("ignore")  # Pillow warns of large images; check_count() raises an error
+            heights = read_array(path) if suffix in (".npz", ".npy") else read_image(path)
     except InputError:
         raise
     except Exception as error:
-        # Readers fail on damaged files in every way there is.
+        # Readers raise all kinds of exceptions on damaged files.
         reason = " ".join(str(error).split())[:120] or type(error).__name__
         raise InputError(
-            f"{path}: is damaged or is no {ending[1:].upper()} file ({reason}); export it again"
+            f"{path}: is damaged or not a {suffix[1:].upper()} file ({reason}); export it again"
         ) from error
     if min(heights.shape) < 2:
         raise InputError(f"{path}: has {shape_text(heights)} samples; a terrain needs at least 2 along each side")
     holes = int((~np.isfinite(heights)).sum())
     if holes:
         raise InputError(
-            f"{path}: has holes, {holes} of {heights.size} samples are not known; fill them first, "
+            f"{path}: has holes: {holes} of {heights.size} samples are unknown; fill them first, "
             "for instance with gdal_fillnodata"
         )
     return heights
 
 
 def read_image(path: Path) -> np.ndarray:
-    """The samples of a gray image, float64; those that GDAL marked as not known are NaN.
+    """The samples of a gray image, float64; those that GDAL marks as unknown are NaN.
 
     Raises:
-        InputError: it is in color or too large.
+        InputError: The image is in color or too large.
     """
     from PIL import Image
 
@@ -73,22 +73,24 @@ def read_image(path: Path) -> np.ndarray:
     with Image.open(path) as image:
         check_count(path, image.size)
         if image.mode not in GRAY_MODES and not image.mode.startswith("I;"):
-            raise InputError(f"{path}: is no gray image (its mode is {image.mode}); give one whose gray is the height")
+            raise InputError(
+                f"{path}: is not a gray image (its mode is {image.mode}); give one with heights as gray values"
+            )
         nodata = getattr(image, "tag_v2", {}).get(NODATA_TAG)
         samples = np.asarray(image)
     heights = samples.astype(np.float64)
     if nodata is not None:
-        # The mark is written in full, the samples may be rounded to single precision.
-        mark = float(str(nodata).strip("\0 "))
-        heights[heights == (np.float64(np.float32(mark)) if samples.dtype == np.float32 else mark)] = np.nan
+        # The tag has all digits of the value; the samples may be rounded to single precision.
+        unknown = float(str(nodata).strip("\0 "))
+        heights[heights == (np.float64(np.float32(unknown)) if samples.dtype == np.float32 else unknown)] = np.nan
     return heights
 
 
 def read_array(path: Path) -> np.ndarray:
-    """The samples of a NumPy file, float64; nothing in it is unpickled.
+    """The samples of a NumPy file, float64; nothing is unpickled.
 
     Raises:
-        InputError: it holds no array of numbers in two dimensions, several, or one that is too large.
+        InputError: The file contains no two-dimensional array of numbers, several, or one that is too large.
     """
     if path.suffix.lower() == ".npy":
         arrays = {"": np.load(path, mmap_mode="r", allow_pickle=False)}
@@ -99,46 +101,46 @@ def read_array(path: Path) -> np.ndarray:
             arrays = {name: file[name] for name in file.files}
     grids = [array for array in arrays.values() if array.ndim == 2 and array.dtype.kind in "iuf"]
     if len(grids) != 1:
-        raise InputError(f"{path}: holds {len(grids)} two-dimensional arrays of numbers, but must hold just one")
+        raise InputError(f"{path}: contains {len(grids)} two-dimensional arrays of numbers, but must contain just one")
     check_count(path, grids[0].shape)
     return np.array(grids[0], dtype=np.float64)
 
 
 def check_count(path: Path, shape: tuple[int, ...]) -> None:
-    """Refuse more samples than fit into memory at ease.
+    """Refuse files with too many samples.
 
     Raises:
-        InputError: saying how many there are.
+        InputError: There are more than MAX_FILE_SAMPLES.
     """
     count = shape[0] * shape[1]
-    if count > MOST_IN_FILE:
-        raise InputError(f"{path}: has {count:,} samples, more than {MOST_IN_FILE:,}; cut out a part or reduce it")
+    if count > MAX_FILE_SAMPLES:
+        raise InputError(f"{path}: has {count:,} samples, more than {MAX_FILE_SAMPLES:,}; cut out a part or reduce it")
 
 
 class Heightfield(MeshSurface):
-    """The solid between a terrain and z = 0, centered on x = y = 0: exact distance to its triangles.
+    """The solid between a terrain and z = 0, centered on x = y = 0, with the exact distance to its triangles.
 
-    Every sample is a corner; column 0 lies in the west, at -x, and row 0 in the north, at +y. Only the side that a
-    point is on is found otherwise than for other meshes: from the height below it, which takes a hundredth of the time.
+    Every sample is a vertex. Column 0 is in the west, at -x, and row 0 in the north, at +y. Whether a point is inside
+    follows from the height of the terrain at the point, which is a hundred times faster than winding numbers.
 
     Args:
-        heights: (rows, columns), any unit.
-        size: extent in meters along x and y.
-        height: meters from the lowest to the highest sample; where all are equal the terrain is a slab.
-        base: meters of solid below the lowest sample.
-        source: what to call the heights in a complaint.
+        heights: (rows, columns), in any unit.
+        size: Extent in meters along x and y.
+        height: Meters from the lowest to the highest sample; if all are equal, the terrain is a slab.
+        base: Meters of solid below the lowest sample.
+        source: Name of the heights for error messages.
 
     Raises:
-        InputError: there are more samples than a surface can be made of.
+        InputError: There are too many samples.
     """
 
     def __init__(
         self, heights: np.ndarray, size: tuple[float, float], height: float, base: float, source: str = "heightfield"
     ) -> None:
-        if heights.size > MOST_SAMPLES:
+        if heights.size > MAX_SAMPLES:
             raise InputError(
-                f"{source}: has {shape_text(heights)} samples, more than a surface can be made of; "
-                f"reduce it to {int(MOST_SAMPLES**0.5)} along each side"
+                f"{source}: has {shape_text(heights)} samples, too many for a surface; "
+                f"reduce it to {int(MAX_SAMPLES**0.5)} along each side"
             )
         span = float(np.ptp(heights))
         levels = base + height * ((heights - heights.min()) / span if span > 0 else np.zeros_like(heights))
@@ -146,26 +148,26 @@ class Heightfield(MeshSurface):
         self.levels, self.size = levels, np.array(size, dtype=np.float64)
 
     def inside(self, points: np.ndarray) -> np.ndarray:
-        """Whether each of ``points`` (N, 3) is below the terrain, above z = 0 and between the sides, (N,)."""
-        return self.side(points)[0]
+        """Whether each of ``points`` (N, 3) is below the terrain, above z = 0 and within its extent, (N,)."""
+        return self.inside_and_max_distance(points)[0]
 
-    def side(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The same, and how many meters (N,) the surface can be from each: no more than it is straight up or down."""
-        level, between = self.level_at(points)
-        farthest = np.where(between, (1 + ROUNDING) * np.abs(points[:, 2] - level) + ROUNDING, np.inf)
-        return between & (points[:, 2] > 0) & (points[:, 2] < level), farthest
+    def inside_and_max_distance(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The same, and an upper bound (N,) of the distance in meters: the vertical distance to the terrain."""
+        level, within = self.level_at(points)
+        max_distance = np.where(within, (1 + ROUNDING) * np.abs(points[:, 2] - level) + ROUNDING, np.inf)
+        return within & (points[:, 2] > 0) & (points[:, 2] < level), max_distance
 
     def level_at(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Height (N,) of the terrain above or below ``points`` (N, 3), and whether they are between its sides (N,)."""
+        """Height (N,) of the terrain above or below ``points`` (N, 3), and whether they are within its extent (N,)."""
         cells = np.array(self.levels.T.shape) - 1
-        place = (points[:, :2] / self.size * [1.0, -1.0] + 0.5) * cells  # columns eastward, rows southward
-        between = ((place >= 0) & (place <= cells)).all(axis=1)
-        column, row = np.clip(place, 0, cells - 1).astype(np.int64).T
-        east, south = (np.clip(place, 0, cells) - np.stack([column, row], axis=1)).T
+        position = (points[:, :2] / self.size * [1.0, -1.0] + 0.5) * cells  # columns eastward, rows southward
+        within = ((position >= 0) & (position <= cells)).all(axis=1)
+        column, row = np.clip(position, 0, cells - 1).astype(np.int64).T
+        east, south = (np.clip(position, 0, cells) - np.stack([column, row], axis=1)).T
         north_west, north_east = self.levels[row, column], self.levels[row, column + 1]
         south_west, south_east = self.levels[row + 1, column], self.levels[row + 1, column + 1]
         level = np.where(
-            cut_falls(north_west, north_east, south_west, south_east),
+            falling_diagonal(north_west, north_east, south_west, south_east),
             np.where(
                 south > east,
                 north_west + south * (south_west - north_west) + east * (south_east - south_west),
@@ -177,11 +179,11 @@ class Heightfield(MeshSurface):
                 south_east + (1 - east) * (south_west - south_east) + (1 - south) * (north_east - south_east),
             ),
         )
-        return level, between
+        return level, within
 
 
 def closed_mesh(levels: np.ndarray, size: tuple[float, float]) -> trimesh.Trimesh:
-    """The triangles of terrain, sides and floor, from ``levels`` (rows, columns) and ``size`` along x and y, meters."""
+    """The triangles of terrain, sides and floor for ``levels`` (rows, columns) and ``size`` along x and y in meters."""
     import trimesh
 
     rows, columns = levels.shape
@@ -191,11 +193,11 @@ def closed_mesh(levels: np.ndarray, size: tuple[float, float]) -> trimesh.Trimes
     number = np.arange(rows * columns).reshape(rows, columns)
     north_west, north_east = number[:-1, :-1].ravel(), number[:-1, 1:].ravel()
     south_west, south_east = number[1:, :-1].ravel(), number[1:, 1:].ravel()
-    falls = cut_falls(*(top[corner, 2] for corner in (north_west, north_east, south_west, south_east)))
+    falls = falling_diagonal(*(top[corner, 2] for corner in (north_west, north_east, south_west, south_east)))
     first = np.stack([north_west, south_west, np.where(falls, south_east, north_east)], axis=1)
     second = np.stack([np.where(falls, north_west, south_west), south_east, north_east], axis=1)
 
-    # Around the border from the north-west corner by the south, so counterclockwise as seen from above.
+    # The border from the north-west corner southward, which is counterclockwise as seen from above.
     border = np.concatenate([number[:-1, 0], number[-1, :-1], number[:0:-1, -1], number[0, :0:-1]])
     below = rows * columns + np.arange(len(border))
     middle = rows * columns + len(border)
@@ -208,16 +210,16 @@ def closed_mesh(levels: np.ndarray, size: tuple[float, float]) -> trimesh.Trimes
     )
 
 
-def cut_falls(
+def falling_diagonal(
     north_west: np.ndarray, north_east: np.ndarray, south_west: np.ndarray, south_east: np.ndarray
 ) -> np.ndarray:
-    """Whether a square of four samples is cut into triangles from north-west to south-east: the flatter way.
+    """Whether the square of four samples is split from north-west to south-east: along the flatter diagonal.
 
-    So no ridge is notched.
+    The flatter diagonal does not cut notches into ridges.
     """
     return np.abs(north_west - south_east) <= np.abs(north_east - south_west)
 
 
 def shape_text(heights: np.ndarray) -> str:
-    """Rows and columns, for a message."""
+    """Rows and columns, for messages."""
     return f"{heights.shape[0]} x {heights.shape[1]}"

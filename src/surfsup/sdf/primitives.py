@@ -1,8 +1,8 @@
-"""Five solids with an exact distance in closed form, each centered on its own origin, its axis along z.
+"""Five solids whose exact distance has a closed form, each centered on the origin, its axis along z.
 
-The forms are those collected by Inigo Quilez ("Distance functions", the resource that section 5.1 of the
-SURFSUP supplement names). Sizes are meters; each may be a number or a tensor that records gradients and
-keeps its precision. Distances come in the precision of the points.
+The formulas are those collected by Inigo Quilez ("Distance functions", cited in section 5.1 of the SURFSUP
+supplement). Sizes are in meters. Each may be a number or a tensor, which keeps its precision and its gradient.
+Distances have the precision of the points.
 """
 
 from __future__ import annotations
@@ -18,6 +18,8 @@ from surfsup.sdf.surface import Surface
 class Sphere(Surface):
     """A ball of ``radius``."""
 
+    radius: Tensor
+
     def __init__(self, radius: float | Tensor) -> None:
         super().__init__()
         self.register_buffer("radius", positive("sphere", "radius", radius))
@@ -27,16 +29,18 @@ class Sphere(Surface):
         return length(points) - self.radius
 
     def native_solid(self) -> native.Solid:
-        """The same in C++."""
+        """The same solid for the native code."""
         return native.Solid("sphere", [float(self.radius)], [])
 
     def bounds(self) -> Tensor:
-        """The cube around the ball (2, 3)."""
+        """The bounding cube (2, 3)."""
         return symmetric_bounds(self.radius, self.radius, self.radius)
 
 
 class Box(Surface):
     """A box with the three side lengths ``size`` along x, y and z."""
+
+    size: Tensor
 
     def __init__(self, size: tuple[float, float, float] | Tensor) -> None:
         super().__init__()
@@ -48,7 +52,7 @@ class Box(Surface):
         return length(beyond.clamp(min=0)) + beyond.amax(dim=-1).clamp(max=0)
 
     def native_solid(self) -> native.Solid:
-        """The same in C++."""
+        """The same solid for the native code."""
         return native.Solid("box", self.size.tolist(), [])
 
     def bounds(self) -> Tensor:
@@ -58,6 +62,9 @@ class Box(Surface):
 
 class Cylinder(Surface):
     """A cylinder of ``radius`` and total ``height`` along z."""
+
+    radius: Tensor
+    height: Tensor
 
     def __init__(self, radius: float | Tensor, height: float | Tensor) -> None:
         super().__init__()
@@ -70,16 +77,20 @@ class Cylinder(Surface):
         return length(beyond.clamp(min=0)) + beyond.amax(dim=-1).clamp(max=0)
 
     def native_solid(self) -> native.Solid:
-        """The same in C++."""
+        """The same solid for the native code."""
         return native.Solid("cylinder", [float(self.radius), float(self.height)], [])
 
     def bounds(self) -> Tensor:
-        """The box around the cylinder (2, 3)."""
+        """The bounding box (2, 3)."""
         return symmetric_bounds(self.radius, self.radius, self.height / 2)
 
 
 class CappedCone(Surface):
     """A cone frustum along z: ``bottom_radius`` at -height/2, ``top_radius`` at +height/2."""
+
+    height: Tensor
+    bottom_radius: Tensor
+    top_radius: Tensor
 
     def __init__(
         self, height: float | Tensor, bottom_radius: float | Tensor, top_radius: float | Tensor = 0.01
@@ -92,33 +103,33 @@ class CappedCone(Surface):
     def distance(self, points: Tensor) -> Tensor:
         """Exact signed distance (N,).
 
-        In the (radial, axial) half plane the solid is a convex polygon: next to a rim the distance is the
-        length to it, everywhere else the largest of the signed distances to the lines. The usual form, the
-        smallest of the lengths with a sign, has no gradient on the surface itself.
+        In the (radial, axial) half plane the solid is a convex polygon. Next to a rim the distance is that to the
+        rim, everywhere else it is the largest of the signed distances to the edges. The usual formula, the smallest
+        unsigned distance with a sign, has no gradient on the surface itself.
         """
         half = self.height / 2
         radial, axial = length(points[:, :2]), points[:, 2]
         slope = self.top_radius - self.bottom_radius
         slant = torch.sqrt(slope**2 + self.height**2)
-        side_radial, side_axial = slope / slant, self.height / slant  # along the side, upward, unit length
+        side_radial, side_axial = slope / slant, self.height / slant  # unit vector up the side
 
         beyond_bottom, above_bottom = radial - self.bottom_radius, axial + half
         beyond_top, above_top = radial - self.top_radius, axial - half
         to_side = beyond_bottom * side_axial - above_bottom * side_radial
-        to_lines = torch.maximum(to_side, axial.abs() - half)
+        to_edges = torch.maximum(to_side, axial.abs() - half)
 
         next_to_bottom = (beyond_bottom > 0) & (beyond_bottom * side_radial + above_bottom * side_axial < 0)
         next_to_top = (beyond_top > 0) & (beyond_top * side_radial + above_top * side_axial > 0)
         to_bottom = length(torch.stack([beyond_bottom, above_bottom], dim=-1))
         to_top = length(torch.stack([beyond_top, above_top], dim=-1))
-        return torch.where(next_to_bottom, to_bottom, torch.where(next_to_top, to_top, to_lines))
+        return torch.where(next_to_bottom, to_bottom, torch.where(next_to_top, to_top, to_edges))
 
     def native_solid(self) -> native.Solid:
-        """The same in C++."""
+        """The same solid for the native code."""
         return native.Solid("cone", [float(self.height), float(self.bottom_radius), float(self.top_radius)], [])
 
     def bounds(self) -> Tensor:
-        """The box around the cone (2, 3)."""
+        """The bounding box (2, 3)."""
         widest = torch.maximum(self.bottom_radius, self.top_radius)
         return symmetric_bounds(widest, widest, self.height / 2)
 
@@ -126,31 +137,34 @@ class CappedCone(Surface):
 class Torus(Surface):
     """A ring around z: a circle of ``minor_radius`` swept at ``major_radius`` from the axis."""
 
+    major_radius: Tensor
+    minor_radius: Tensor
+
     def __init__(self, major_radius: float | Tensor, minor_radius: float | Tensor) -> None:
         super().__init__()
         self.register_buffer("major_radius", positive("torus", "major_radius", major_radius))
         self.register_buffer("minor_radius", positive("torus", "minor_radius", minor_radius))
 
     def distance(self, points: Tensor) -> Tensor:
-        """Exact signed distance (N,), as long as minor_radius <= major_radius."""
+        """Signed distance (N,), exact if minor_radius <= major_radius."""
         from_circle = torch.stack([length(points[:, :2]) - self.major_radius, points[:, 2]], dim=-1)
         return length(from_circle) - self.minor_radius
 
     def native_solid(self) -> native.Solid:
-        """The same in C++."""
+        """The same solid for the native code."""
         return native.Solid("torus", [float(self.major_radius), float(self.minor_radius)], [])
 
     def bounds(self) -> Tensor:
-        """The box around the ring (2, 3)."""
+        """The bounding box (2, 3)."""
         outer = self.major_radius + self.minor_radius
         return symmetric_bounds(outer, outer, self.minor_radius)
 
 
 def length(vectors: Tensor) -> Tensor:
-    """Euclidean length over the last axis; at zero its gradients of every order are zero, not NaN."""
+    """Euclidean length over the last axis; its gradients of every order are zero at zero, not NaN."""
     squared = vectors.square().sum(dim=-1)
-    somewhere = squared > 0
-    return torch.where(somewhere, torch.where(somewhere, squared, 1.0).sqrt(), 0.0)
+    nonzero = squared > 0
+    return torch.where(nonzero, torch.where(nonzero, squared, 1.0).sqrt(), 0.0)
 
 
 def symmetric_bounds(x: Tensor, y: Tensor, z: Tensor) -> Tensor:
@@ -160,19 +174,19 @@ def symmetric_bounds(x: Tensor, y: Tensor, z: Tensor) -> Tensor:
 
 
 def positive(shape_name: str, name: str, value: object, shape: tuple[int, ...] = ()) -> Tensor:
-    """``value`` as a float tensor of ``shape``, every entry finite and above zero.
+    """``value`` as a floating-point tensor of ``shape`` with finite, positive entries.
 
     Raises:
-        InputError: naming the shape and the parameter when it is not.
+        InputError: It is not; the message names the shape and the parameter.
     """
     try:
         tensor = torch.as_tensor(value)
         tensor = tensor if tensor.is_floating_point() else tensor.to(torch.get_default_dtype())
-        fine = tuple(tensor.shape) == shape and bool(torch.isfinite(tensor).all() and (tensor > 0).all())
+        valid = tuple(tensor.shape) == shape and bool(torch.isfinite(tensor).all() and (tensor > 0).all())
     except (TypeError, ValueError, RuntimeError):
-        fine = False
-    if not fine:
-        wanted = "a positive number" if shape == () else f"{shape[0]} positive numbers"
+        valid = False
+    if not valid:
+        expected = "a positive number" if shape == () else f"{shape[0]} positive numbers"
         given = value.tolist() if isinstance(value, Tensor) else value
-        raise InputError(f"{shape_name}: {name} is {given!r}, but must be {wanted} of meters")
+        raise InputError(f"{shape_name}: {name} is {given!r}, but must be {expected} of meters")
     return tensor

@@ -1,4 +1,4 @@
-"""A surface scaled, turned and moved."""
+"""A surface scaled, rotated and moved."""
 
 from __future__ import annotations
 
@@ -21,11 +21,15 @@ if TYPE_CHECKING:
 
 
 class Transformed(Surface):
-    """``surface`` scaled by ``scale``, turned by ``rotation`` (3, 3), then moved by ``translation`` (3,).
+    """``surface`` scaled by ``scale``, rotated by ``rotation`` (3, 3), then moved by ``translation`` (3,).
 
-    Rigid motions and uniform scale keep a true distance true: F(p) = s · f(Rᵀ(p - t) / s)
+    Rigid motions and uniform scale keep an exact distance exact: F(p) = s · f(Rᵀ(p - t) / s)
     (supplement, sections 5.1 and 5.5).
     """
+
+    rotation: Tensor
+    translation: Tensor
+    scale: Tensor
 
     def __init__(
         self,
@@ -37,20 +41,20 @@ class Transformed(Surface):
         super().__init__()
         self.surface = surface
         self.register_buffer("rotation", torch.eye(3) if rotation is None else orthonormal(rotation))
-        self.register_buffer("translation", place(translation))
+        self.register_buffer("translation", offset_of(translation))
         self.register_buffer("scale", positive("transform", "scale", scale))
 
     def to_own_frame(self, points: Tensor) -> Tensor:
-        """World points (N, 3) as seen by the surface before it was transformed, in their own precision."""
+        """World ``points`` (N, 3) in the frame of the surface, in their own precision."""
         dtype = points.dtype
         return (points - self.translation.to(dtype)) @ self.rotation.to(dtype) / self.scale.to(dtype)
 
     def distance(self, points: Tensor) -> Tensor:
-        """Signed distance (N,), true where the surface's own is."""
+        """Signed distance (N,), exact where that of the surface is."""
         return self.scale * self.surface.distance(self.to_own_frame(points))
 
     def distance_and_normal(self, points: Tensor) -> tuple[Tensor, Tensor]:
-        """Signed distance (N,) and normal (N, 3), both asked of the surface in its own frame."""
+        """Signed distance (N,) and normal (N, 3), computed in the frame of the surface."""
         result = distance_and_normal_native(self, points)
         if result is not None:
             return result
@@ -58,28 +62,28 @@ class Transformed(Surface):
         return self.scale * distance, normal @ self.rotation.T.to(normal.dtype)
 
     def native_solid(self) -> native.Solid | None:
-        """The same in C++, if the surface has that."""
+        """The same solid for the native code; None if it does not support the surface."""
         solid = self.surface.native_solid()
         if solid is None:
             return None
-        numbers = [*self.rotation.flatten().tolist(), *self.translation.tolist(), float(self.scale)]
-        return native.Solid("transformed", numbers, [solid])
+        parameters = [*self.rotation.flatten().tolist(), *self.translation.tolist(), float(self.scale)]
+        return native.Solid("transformed", parameters, [solid])
 
     @property
     def exact_outside(self) -> bool:
-        """As far as the surface's own is."""
+        """Whether the surface is exact outside."""
         return self.surface.exact_outside
 
     def bounds(self) -> Tensor:
-        """The box (2, 3) around the transformed corners of the surface's own box."""
+        """The box (2, 3) around the transformed corners of the surface's bounding box."""
         lower, upper = self.surface.bounds()
-        pick = torch.cartesian_prod(*[torch.tensor([False, True])] * 3).to(lower.device)
-        corners = torch.where(pick, upper, lower) * self.scale
+        is_upper = torch.cartesian_prod(*[torch.tensor([False, True])] * 3).to(lower.device)
+        corners = torch.where(is_upper, upper, lower) * self.scale
         corners = corners @ self.rotation.T.to(corners.dtype) + self.translation.to(corners.dtype)
         return torch.stack([corners.amin(dim=0), corners.amax(dim=0)])
 
     def to_mesh(self, resolution: int = 96) -> trimesh.Trimesh:
-        """The surface's own triangles, transformed."""
+        """The transformed triangles of the surface."""
         mesh = self.surface.to_mesh(resolution)
         matrix = np.eye(4)
         matrix[:3, :3] = (self.scale * self.rotation).detach().cpu().numpy()
@@ -88,12 +92,12 @@ class Transformed(Surface):
 
 
 def axis_rotation(axis: Sequence[float] | Tensor, degrees: float | Tensor) -> Tensor:
-    """The matrix (3, 3) that turns by ``degrees`` about ``axis`` (Rodrigues' formula), right-handed.
+    """The right-handed rotation matrix (3, 3) by ``degrees`` about ``axis`` (Rodrigues' formula).
 
-    Differentiable in both; as precise as the more precise of the two that is a tensor.
+    Differentiable in both arguments. The precision is the higher one of the arguments that are tensors.
 
     Raises:
-        InputError: the axis is zero or not finite.
+        InputError: The axis is zero or not finite.
     """
     direction, angle = floating(axis), floating(degrees) * (math.pi / 180)
     dtype = torch.promote_types(direction.dtype, angle.dtype)
@@ -109,26 +113,26 @@ def axis_rotation(axis: Sequence[float] | Tensor, degrees: float | Tensor) -> Te
 
 
 def orthonormal(rotation: Tensor) -> Tensor:
-    """``rotation`` as a float tensor, checked: anything but a turn or mirror image makes distances untrue.
+    """``rotation`` as a floating-point tensor; only rotations and reflections keep distances exact.
 
     Raises:
-        InputError: it is no orthogonal matrix (3, 3).
+        InputError: It is not an orthogonal matrix (3, 3).
     """
     matrix = floating(rotation)
-    fine = tuple(matrix.shape) == (3, 3) and bool(torch.isfinite(matrix).all())
-    if fine:
-        fixed = matrix.detach().double().cpu()
-        fine = bool((fixed @ fixed.T - torch.eye(3, dtype=torch.float64)).abs().max() < 1e-3)
-    if not fine:
+    valid = tuple(matrix.shape) == (3, 3) and bool(torch.isfinite(matrix).all())
+    if valid:
+        double = matrix.detach().double().cpu()
+        valid = bool((double @ double.T - torch.eye(3, dtype=torch.float64)).abs().max() < 1e-3)
+    if not valid:
         raise InputError(f"transform: rotation is {matrix.tolist()}, but must be an orthogonal matrix (3, 3)")
     return matrix
 
 
-def place(translation: Sequence[float] | Tensor) -> Tensor:
-    """``translation`` as a float tensor (3,).
+def offset_of(translation: Sequence[float] | Tensor) -> Tensor:
+    """``translation`` as a floating-point tensor (3,).
 
     Raises:
-        InputError: it is not three finite numbers.
+        InputError: It is not three finite numbers.
     """
     offset = floating(translation)
     if tuple(offset.shape) != (3,) or not bool(torch.isfinite(offset).all()):
@@ -137,6 +141,6 @@ def place(translation: Sequence[float] | Tensor) -> Tensor:
 
 
 def floating(value: object) -> Tensor:
-    """``value`` as a tensor: one of floats as it is, anything else in the default precision."""
+    """``value`` as a tensor: a floating-point one unchanged, anything else in the default precision."""
     tensor = torch.as_tensor(value)
     return tensor if tensor.is_floating_point() else tensor.to(torch.get_default_dtype())

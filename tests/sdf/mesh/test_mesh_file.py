@@ -1,4 +1,4 @@
-"""Mesh files from strangers: read, mended with a warning, or refused by one line."""
+"""Untrusted mesh files: read, repaired with a warning, or refused with one line."""
 
 import io
 import struct
@@ -46,34 +46,34 @@ def refusal(path, **options) -> str:
     return line
 
 
-@pytest.mark.parametrize("ending", ["obj", "stl", "ply", "off", "STL", "OBJ"])
-def test_every_format_gives_the_same_solid(tmp_path, ending):
-    content = BOX.export(file_type=ending.lower())
-    mesh = load_mesh(written(tmp_path, f"box.{ending}", content))
+@pytest.mark.parametrize("suffix", ["obj", "stl", "ply", "off", "STL", "OBJ"])
+def test_every_format_gives_the_same_solid(tmp_path, suffix):
+    content = BOX.export(file_type=suffix.lower())
+    mesh = load_mesh(written(tmp_path, f"box.{suffix}", content))
     assert mesh.is_watertight
     assert (len(mesh.vertices), len(mesh.faces)) == (8, 12)
     np.testing.assert_allclose(mesh.extents, (0.4, 0.5, 0.6), rtol=1e-5)
     assert mesh.volume == pytest.approx(0.12, rel=1e-5)
 
 
-def test_glb_is_y_up_by_its_specification_and_so_turned(tmp_path):
+def test_glb_is_y_up_by_its_specification_and_rotated(tmp_path):
     path = exported(tmp_path, BOX, "box.glb")
     np.testing.assert_allclose(load_mesh(path).extents, (0.4, 0.6, 0.5), rtol=1e-5)
     np.testing.assert_allclose(load_mesh(path, up="z").extents, (0.4, 0.5, 0.6), rtol=1e-5)
 
 
-def test_other_formats_are_turned_when_the_user_says_so(tmp_path):
+def test_other_formats_are_rotated_on_request(tmp_path):
     tall = BOX.copy()
     tall.apply_translation([0, 1, 0])
     path = exported(tmp_path, tall)
     mesh = load_mesh(path, up="y")
     np.testing.assert_allclose(mesh.bounds[:, 2], (0.75, 1.25), rtol=1e-5)
-    assert mesh.volume > 0  # turned, not mirrored
+    assert mesh.volume > 0  # rotated, not mirrored
     np.testing.assert_allclose(load_mesh(path).bounds[:, 1], (0.75, 1.25), rtol=1e-5)
     assert "up is 'x'" in refusal(path, up="x")
 
 
-def test_the_objects_of_a_scene_are_put_in_their_places_and_joined(tmp_path):
+def test_the_objects_of_a_scene_are_placed_and_joined(tmp_path):
     scene = trimesh.Scene()
     scene.add_geometry(BOX)
     scene.add_geometry(BALL, transform=trimesh.transformations.translation_matrix([2, 0, 0]))
@@ -91,7 +91,7 @@ def test_polygons_become_triangles(tmp_path):
     assert mesh.volume == pytest.approx(1.0)
 
 
-def test_what_is_superfluous_is_dropped(tmp_path):
+def test_superfluous_elements_are_removed(tmp_path):
     lines = BOX.export(file_type="obj").splitlines()
     faces = [line for line in lines if line.startswith("f")]
     loose = ["v 9 9 9", "f 1 1 2", faces[0], faces[3]]
@@ -118,16 +118,16 @@ def test_a_mesh_with_holes_is_used_with_a_warning(tmp_path):
     assert inside.tolist() == [True, False]
 
 
-def test_flipped_faces_are_turned_back_with_a_warning(tmp_path):
+def test_flipped_faces_are_flipped_back_with_a_warning(tmp_path):
     faces = BALL.faces.copy()
     faces[::7] = faces[::7, ::-1]
-    with pytest.warns(MeshWarning, match="turned against their neighbors, 46 of 320"):
+    with pytest.warns(MeshWarning, match="oriented against their neighbors, 46 of 320"):
         mesh = load_mesh(exported(tmp_path, trimesh.Trimesh(BALL.vertices, faces, process=False)))
     assert mesh.is_winding_consistent
     assert mesh.volume == pytest.approx(BALL.volume, rel=1e-5)
 
 
-def test_an_inside_out_mesh_is_turned_over_with_a_warning(tmp_path):
+def test_an_inside_out_mesh_is_flipped_with_a_warning(tmp_path):
     ball = BALL.copy()
     ball.invert()
     with pytest.warns(MeshWarning, match="inside out"):
@@ -156,7 +156,7 @@ BENT = obj(
 
 
 @pytest.mark.parametrize(
-    ("name", "content", "complaint"),
+    ("name", "content", "message"),
     [
         ("text.obj", "Dear all,\nplease find the mesh attached.\n", "no triangles|damaged"),
         ("points.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\n", "no triangles|damaged"),
@@ -176,10 +176,10 @@ BENT = obj(
         ("flat.obj", FLAT, "flat"),
         ("thread.obj", obj([(0, 0, 0), (1, 0, 0), (2, 0, 0)], [(1, 2, 3)]), "flat"),
         ("bent.obj", BENT, "open sheet"),
-        ("text.stl", "no mesh at all", "damaged|no triangles"),
-        ("text.ply", "no mesh at all", "damaged|no triangles"),
-        ("text.off", "no mesh at all", "damaged|no triangles"),
-        ("text.glb", "no mesh at all", "damaged|no triangles"),
+        ("text.stl", "not a mesh", "damaged|no triangles"),
+        ("text.ply", "not a mesh", "damaged|no triangles"),
+        ("text.off", "not a mesh", "damaged|no triangles"),
+        ("text.glb", "not a mesh", "damaged|no triangles"),
         ("cut.stl", BALL.export(file_type="stl")[:-777], "no triangles"),
         ("cut.ply", BALL.export(file_type="ply")[:-777], "damaged"),
         ("cut.glb", trimesh.Scene(BALL).export(file_type="glb")[:-777], "damaged"),
@@ -187,20 +187,20 @@ BENT = obj(
         ("zeros.stl", bytes(4096), "damaged|no triangles"),
     ],
 )
-def test_what_has_no_inside_or_cannot_be_read_is_refused(tmp_path, name, content, complaint):
+def test_meshes_without_an_inside_and_unreadable_files_are_refused(tmp_path, name, content, message):
     line = refusal(written(tmp_path, name, content))
-    assert any(words in line for words in complaint.split("|"))
+    assert any(words in line for words in message.split("|"))
 
 
-def test_a_truncated_file_never_becomes_another_error(tmp_path):
-    for ending in ("obj", "stl", "ply", "off", "glb"):
-        whole = trimesh.Scene(BALL).export(file_type="glb") if ending == "glb" else BALL.export(file_type=ending)
+def test_a_truncated_file_raises_nothing_but_input_errors(tmp_path):
+    for suffix in ("obj", "stl", "ply", "off", "glb"):
+        whole = trimesh.Scene(BALL).export(file_type="glb") if suffix == "glb" else BALL.export(file_type=suffix)
         whole = whole.encode() if isinstance(whole, str) else whole
         for cut in np.linspace(1, len(whole) - 1, 12).astype(int):
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore", MeshWarning)
                 try:
-                    load_mesh(written(tmp_path, f"cut.{ending}", whole[:cut]))
+                    load_mesh(written(tmp_path, f"cut.{suffix}", whole[:cut]))
                 except InputError as error:
                     assert "\n" not in str(error)
 
@@ -213,7 +213,7 @@ def test_a_missing_file_and_a_folder_are_named(tmp_path):
 
 
 @pytest.mark.parametrize("name", ["mesh.fbx", "mesh", "mesh.gltf", "mesh.obj.zip", "mesh.pkl"])
-def test_an_unknown_kind_is_answered_with_the_known_ones(tmp_path, name):
+def test_an_unknown_format_raises_an_error_that_lists_the_known_ones(tmp_path, name):
     assert ".obj, .stl, .ply, .off or .glb" in refusal(written(tmp_path, name, "x"))
 
 
@@ -236,6 +236,6 @@ def test_fitting_scales_centers_and_stands_on_the_floor(extent):
 
 
 @pytest.mark.parametrize("extent", [0.0, -1.0, float("nan"), float("inf")])
-def test_fitting_to_no_size_is_refused(extent):
+def test_fitting_to_an_invalid_extent_is_refused(extent):
     with pytest.raises(InputError, match="largest extent"):
         fit_mesh(BOX, extent)

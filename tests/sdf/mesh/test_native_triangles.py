@@ -1,4 +1,4 @@
-"""The nearest triangle in C++ beside libigl's, and the grid in C++ beside NumPy's."""
+"""The nearest triangle by the native code is that of libigl."""
 
 import numpy as np
 import pytest
@@ -8,8 +8,6 @@ from hypothesis import strategies as st
 
 from surfsup import native
 from surfsup.sdf import Torus
-from surfsup.sdf.mesh.distance_cache import DistanceCache
-from surfsup.sdf.mesh.query import MeshQuery
 from tests.sdf.solids import fine_mesh
 
 igl = pytest.importorskip("igl")
@@ -19,10 +17,10 @@ pytestmark = pytest.mark.skipif(
 TORUS = fine_mesh(Torus, {"major_radius": 0.3, "minor_radius": 0.12})
 
 
-def nearest(vertices, faces, points, at_most=None, threads=1):
+def nearest(vertices, faces, points, max_distance=None, threads=1):
     triangles = native.Triangles(np.asarray(vertices, np.float64), np.asarray(faces, np.int64))
     distance, face, closest = np.empty(len(points)), np.empty(len(points), np.int64), np.empty((len(points), 3))
-    triangles.nearest(points, at_most, distance, face, closest, threads)
+    triangles.nearest(points, max_distance, distance, face, closest, threads)
     return distance, face, closest
 
 
@@ -32,7 +30,7 @@ def by_igl(vertices, faces, points):
     return np.sqrt(tree.squared_distance(np.asarray(vertices, np.float64), np.asarray(faces, np.int64), points)[0])
 
 
-def test_distances_are_libigls_near_and_far_and_wherever_the_mesh_lies():
+def test_distances_are_those_of_libigl_near_and_far_and_far_from_the_origin():
     random = np.random.default_rng(0)
     for offset in (0.0, 1000.0):
         vertices = np.asarray(TORUS.vertices) + offset
@@ -46,10 +44,10 @@ def test_distances_are_libigls_near_and_far_and_wherever_the_mesh_lies():
 
 @given(seed=st.integers(0, 2**32 - 1), count=st.integers(1, 60), flat=st.booleans())
 @settings(max_examples=60)
-def test_distances_are_libigls_for_any_soup(seed, count, flat):
+def test_distances_are_those_of_libigl_for_any_triangle_soup(seed, count, flat):
     random = np.random.default_rng(seed)
     vertices = random.normal(size=(3 * count, 3)) * (1, 1, 0 if flat else 1)
-    faces = random.integers(0, 3 * count, (count, 3))  # some have two corners in one place
+    faces = random.integers(0, 3 * count, (count, 3))  # some faces use a vertex twice
     points = random.normal(size=(20, 3))
     found = nearest(vertices, faces, points)[0]
     np.testing.assert_allclose(found, by_igl(vertices, faces, points), rtol=1e-5, atol=1e-5)
@@ -62,7 +60,7 @@ def test_triangles_without_area_are_segments_and_points():
     np.testing.assert_allclose(nearest(vertices, faces, points)[0], [1, 1, 1], atol=1e-6)
 
 
-def test_bounds_change_nothing_even_where_they_are_met_exactly_or_are_wrong():
+def test_bounds_change_nothing_even_if_they_are_tight_or_too_low():
     points = np.random.default_rng(1).uniform(-0.5, 0.5, (300, 3))
     free = nearest(TORUS.vertices, TORUS.faces, points)
     for bound in (free[0], free[0] + 0.01, 0.5 * free[0], np.zeros(300)):
@@ -70,27 +68,15 @@ def test_bounds_change_nothing_even_where_they_are_met_exactly_or_are_wrong():
             np.testing.assert_array_equal(one, other)
 
 
-def test_answers_do_not_depend_on_the_threads():
+def test_results_do_not_depend_on_the_number_of_threads():
     points = np.random.default_rng(2).uniform(-0.5, 0.5, (3000, 3))
     one, two = (nearest(TORUS.vertices, TORUS.faces, points, threads=threads) for threads in (1, 2))
     for first, second in zip(one, two, strict=True):
         np.testing.assert_array_equal(first, second)
 
 
-def test_faces_that_there_are_not_are_refused():
+def test_invalid_faces_are_refused():
     with pytest.raises(IndexError, match="a face has a corner that there is not"):
         native.Triangles(np.zeros((3, 3)), np.array([[0, 1, 3]]))
     with pytest.raises(IndexError, match="there are no triangles"):
         native.Triangles(np.zeros((3, 3)), np.zeros((0, 3), np.int64))
-
-
-def test_the_grid_tells_what_numpy_tells(monkeypatch):
-    query = MeshQuery(np.asarray(TORUS.vertices), np.asarray(TORUS.faces))
-    cache = DistanceCache(query, 0.04, margin=0.1)
-    points = np.random.default_rng(3).uniform(cache.lower, cache.upper, (2000, 3))
-    points[:2] = cache.lower, cache.upper
-    distance, gradient = cache.sample(points)
-    monkeypatch.setattr(native, "instruction_sets", list)
-    expected, expected_gradient = cache.sample(points)
-    np.testing.assert_allclose(distance, expected, atol=1e-6)
-    np.testing.assert_allclose(gradient, expected_gradient, atol=2e-6)

@@ -1,4 +1,4 @@
-"""A mesh as a surface: exact near, close far, right signs on damaged meshes."""
+"""A mesh as a surface: exact near it, accurate far from it, right signs on damaged meshes."""
 
 import copy
 import pickle
@@ -29,12 +29,12 @@ def exact_torus():
 
 
 @pytest.mark.parametrize("name", ["box-uneven", "cone-fat", "torus-fat"])
-def test_distance_normal_and_sign_are_those_of_the_analytic_twin(name):
+def test_distance_normal_and_sign_are_those_of_the_analytic_solid(name):
     kind, parameters = SHAPES[name]
-    twin, surface = kind(**parameters), MeshSurface(fine_mesh(kind, parameters), cells=24)
-    points = points_around(twin, margin=0.15)
+    analytic, surface = kind(**parameters), MeshSurface(fine_mesh(kind, parameters), cells=24)
+    points = points_around(analytic, margin=0.15)
     distance, normal = surface.distance_and_normal(points)
-    true, true_normal = twin.distance_and_normal(points)
+    true, true_normal = analytic.distance_and_normal(points)
     assert (distance - true).abs().mean() < 3e-4
     assert (distance - true).abs().max() < 5e-3
     assert ((distance < 0) == (true < 0))[true.abs() > 2e-4].all()
@@ -61,22 +61,22 @@ def test_far_from_the_surface_the_grids_are_close(torus, exact_torus, margin, me
     assert off.max() < most
 
 
-def test_far_beyond_the_grids_the_distance_is_an_upper_bound_not_larger_than_by_the_mesh(torus, exact_torus):
+def test_far_beyond_the_grids_the_distance_is_an_upper_bound_within_the_size_of_the_mesh(torus, exact_torus):
     points = torch.tensor([[20.0, 3.0, -5.0], [0.0, 0.0, 1e6], [-4.0, 0.1, 0.0]], dtype=torch.float64)
     over = torus.distance(points) - exact_torus.distance(points)
-    rounding = 1e-7 * points.norm(dim=1)  # the nearest triangle is looked for in single precision
+    rounding = 1e-7 * points.norm(dim=1)  # the nearest triangle is searched in single precision
     assert (over > -1e-3 - rounding).all()
     assert (over < 0.9).all()
 
 
-def test_points_on_the_surface_take_the_normal_of_face_edge_and_corner():
+def test_points_on_the_surface_have_the_normal_of_the_face_edge_or_vertex():
     cube = MeshSurface(trimesh.creation.box((0.5, 0.5, 0.5)))
     on = torch.tensor([[0.25, 0.1, 0.05], [0.25, 0.25, 0.1], [0.25, 0.25, 0.25]], dtype=torch.float64)
-    wanted = torch.nn.functional.normalize(torch.tensor([[1.0, 0, 0], [1, 1, 0], [1, 1, 1]]), dim=1).double()
+    expected = torch.nn.functional.normalize(torch.tensor([[1.0, 0, 0], [1, 1, 0], [1, 1, 1]]), dim=1).double()
     for surface in (cube, Box((0.5, 0.5, 0.5))):
         distance, normal = surface.distance_and_normal(on)
         assert distance.abs().max() < 1e-9
-        torch.testing.assert_close(normal, wanted, atol=1e-6, rtol=0)
+        torch.testing.assert_close(normal, expected, atol=1e-6, rtol=0)
 
 
 def test_signs_are_right_with_one_triangle_in_twenty_missing():
@@ -93,7 +93,7 @@ def test_signs_are_right_with_one_triangle_in_twenty_missing():
         assert (true[wrong].abs() < CELL).all()  # only beside the surface
 
 
-def test_signs_are_right_with_one_face_in_fifty_turned_over():
+def test_signs_are_right_with_one_face_in_fifty_flipped():
     rng = np.random.default_rng(0)
     solid = polygonize(TORUS, 48)
     faces = solid.faces.copy()
@@ -122,32 +122,32 @@ def test_the_gradient_is_the_normal_and_finite_everywhere(torus):
     torch.testing.assert_close(normal.norm(dim=1), torch.ones(len(points), dtype=torch.float64))
 
 
-def test_the_normal_counts_as_constant(torus):
+def test_the_normal_is_treated_as_constant(torus):
     points = points_around(TORUS, count=5).requires_grad_()
     distance, normal = torus.distance_and_normal(points)
     assert distance.requires_grad
     assert not normal.requires_grad
 
 
-def test_answers_come_in_the_precision_of_the_points(torus):
+def test_results_have_the_precision_of_the_points(torus):
     for dtype in (torch.float32, torch.float64):
         distance, normal = torus.distance_and_normal(points_around(TORUS, count=5, dtype=dtype))
         assert distance.dtype == normal.dtype == dtype
 
 
-def test_a_query_asks_the_mesh_once_and_only_about_points_that_need_it(exact_torus):
+def test_the_triangles_are_queried_once_and_only_for_points_that_need_it(exact_torus):
     surface = MeshSurface(TORUS_MESH)
-    surface.build_caches()
-    asked = []
+    surface.build_grids()
+    queried = []
     nearest = surface.query.nearest
-    surface.query.nearest = lambda points, *bounds: asked.append(len(points)) or nearest(points, *bounds)
+    surface.query.nearest = lambda points, *bounds: queried.append(len(points)) or nearest(points, *bounds)
     points = points_around(TORUS, count=1000, margin=1.0)
     surface.distance_and_normal(points)
-    assert len(asked) == 1
-    assert asked[0] < 300
+    assert len(queried) == 1
+    assert queried[0] < 300
 
 
-def test_it_can_be_placed_and_combined(torus):
+def test_a_mesh_can_be_transformed_and_combined(torus):
     moved = Transformed(torus, translation=(0.0, 0.0, 0.5), scale=2.0)
     both = Union(moved, CappedCone(0.3, 0.2))
     points = points_around(both, count=500)
@@ -167,7 +167,7 @@ def test_marching_cubes_of_a_mesh_gives_the_mesh_again(torus):
 
 
 @pytest.mark.parametrize("exact", [True, False])
-def test_odd_points_are_answered(exact):
+def test_no_points_and_points_that_are_not_finite_have_results(exact):
     surface = MeshSurface(trimesh.creation.icosphere(subdivisions=2, radius=0.3), cells=16, exact=exact)
     assert surface.distance(torch.zeros(0, 3)).shape == (0,)
     distance, normal = surface.distance_and_normal(
@@ -178,26 +178,26 @@ def test_odd_points_are_answered(exact):
     assert float(distance[1]) == pytest.approx(0.7, abs=1e-2)
 
 
-def test_a_copy_answers_alike(torus):
+def test_a_copy_gives_the_same_distances(torus):
     points = points_around(TORUS, count=50)
     for other in (copy.deepcopy(torus), pickle.loads(pickle.dumps(torus))):
         assert torch.equal(other.distance(points), torus.distance(points))
 
 
 @pytest.mark.parametrize(
-    ("vertices", "faces", "complaint"),
+    ("vertices", "faces", "message"),
     [
         (np.zeros((0, 3)), np.zeros((0, 3), dtype=int), "no triangles"),
         (np.full((3, 3), np.nan), [[0, 1, 2]], "finite"),
     ],
 )
-def test_triangles_that_bound_nothing_are_refused(vertices, faces, complaint):
-    with warnings.catch_warnings(), pytest.raises(InputError, match=complaint):
+def test_meshes_without_a_solid_are_refused(vertices, faces, message):
+    with warnings.catch_warnings(), pytest.raises(InputError, match=message):
         warnings.simplefilter("ignore")
         MeshSurface(trimesh.Trimesh(vertices, faces, process=False))
 
 
-def test_a_small_far_off_mesh_keeps_its_digits():
+def test_a_small_mesh_far_from_the_origin_keeps_its_precision():
     ball = trimesh.creation.icosphere(subdivisions=4, radius=0.01)
     ball.apply_translation([100.0, -50.0, 30.0])
     center = torch.tensor([100.0, -50.0, 30.0], dtype=torch.float64)

@@ -1,4 +1,4 @@
-"""Mesh files: read as data, checked, mended where that is safe, refused with one clear line where not."""
+"""Mesh files: read as data, checked, repaired where that is safe and refused where it is not."""
 
 from __future__ import annotations
 
@@ -15,38 +15,37 @@ if TYPE_CHECKING:
     import trimesh
 
 FORMATS = ("obj", "stl", "ply", "off", "glb")
-FLAT = 1e-6  # thickness over largest extent, below which nothing can be inside
+FLAT = 1e-6  # thickness over largest extent below which a mesh has no inside
 OPEN_SHEET = 0.75  # |sum of the area vectors| / area: 0 for a closed mesh, 0.5 for a hemisphere, 1 for a sheet
 
 
 class MeshWarning(UserWarning):
-    """A mesh has a fault that it can be used with; the message says what was done about it."""
+    """A mesh has a defect but can be used; the message says how the defect was handled."""
 
 
 def load_mesh(path: str | Path, up: Literal["y", "z"] | None = None) -> trimesh.Trimesh:
-    """The triangles of a mesh file, in the file's own unit, with z up and the faces turned outward.
+    """The triangles of a mesh file, in the units of the file, with z up and faces oriented outward.
 
-    The named file alone is read: no textures, no materials, no network. Objects of a scene are put where the
-    scene has them and joined; polygons are cut into triangles; equal vertices are merged; degenerate and
-    duplicate faces and vertices that no face uses are dropped.
+    Only this file is read: no textures, materials or network. The objects of a scene are placed and joined, polygons
+    are triangulated, equal vertices are merged. Degenerate faces, duplicate faces and unused vertices are removed.
 
     Args:
-        path: an OBJ, STL, PLY, OFF or GLB file.
-        up: the axis that points up in the file. GLB is y-up by its specification; the others do not say and
-            are left as they are. Many OBJ files (the Stanford dragon) are y-up: ``up="y"`` is for those.
+        path: An OBJ, STL, PLY, OFF or GLB file.
+        up: The axis that points up in the file. GLB is y-up by its specification. The other formats do not specify it
+            and are z-up by default; many OBJ files (the Stanford dragon) need ``up="y"``.
 
     Raises:
-        InputError: the file is missing, of an unknown kind, damaged, without triangles, with vertices that
-            are not finite, or flat, so that it has no inside.
+        InputError: The file is missing, of an unknown format, damaged, without triangles, with vertices that are not
+            finite, or flat, so that it has no inside.
 
     Warns:
-        MeshWarning: the mesh has holes (the winding number then decides what is inside), or its faces were
-            turned against one another or all inward, and were turned.
+        MeshWarning: The mesh has holes, and winding numbers define its inside; or faces had inconsistent or inward
+            orientation and were flipped.
     """
     path = Path(path)
     kind = path.suffix.lower().lstrip(".")
     if kind not in FORMATS:
-        raise InputError(f"{path}: is no mesh file that can be read; give one that ends in {known_endings()}")
+        raise InputError(f"{path}: is not a mesh file that can be read; give one that ends in {known_suffixes()}")
     if up not in ("y", "z", None):
         raise InputError(f"{path}: up is {up!r}, but must be y or z, the axis that points up in the file")
     mesh = clean(parse(path, kind), path)
@@ -56,13 +55,13 @@ def load_mesh(path: str | Path, up: Literal["y", "z"] | None = None) -> trimesh.
 
 
 def fit_mesh(mesh: trimesh.Trimesh, largest_extent: float) -> tuple[trimesh.Trimesh, float]:
-    """A copy whose largest extent is ``largest_extent`` meters, centered on x = y = 0 and standing on z = 0.
+    """A copy with a largest extent in meters, centered on x = y = 0 and standing on z = 0.
 
     Returns:
-        The copy, and the scale that it was multiplied by.
+        The copy, and its scale relative to ``mesh``.
 
     Raises:
-        InputError: the extent is not a positive number.
+        InputError: The extent is not a positive number.
     """
     if not (np.isfinite(largest_extent) and largest_extent > 0):
         raise InputError(f"fit: the largest extent is {largest_extent}, but must be a positive number of meters")
@@ -74,16 +73,16 @@ def fit_mesh(mesh: trimesh.Trimesh, largest_extent: float) -> tuple[trimesh.Trim
     return fitted, scale
 
 
-def known_endings() -> str:
-    """The endings that can be read, for a message."""
+def known_suffixes() -> str:
+    """The supported file name suffixes, for messages."""
     return ", ".join(f".{known}" for known in FORMATS[:-1]) + f" or .{FORMATS[-1]}"
 
 
 def parse(path: Path, kind: str) -> trimesh.Trimesh:
-    """The file's triangles just as they are.
+    """The unprocessed triangles of the file.
 
     Raises:
-        InputError: it cannot be read, or holds no triangles.
+        InputError: The file cannot be read, or contains no triangles.
     """
     import trimesh
 
@@ -94,27 +93,27 @@ def parse(path: Path, kind: str) -> trimesh.Trimesh:
     if not content:
         raise InputError(f"{path}: is empty; export it again")
     try:
-        # From memory and without a resolver, the loader has no way to open anything else.
+        # Loading from memory without a resolver keeps the loader from opening other files.
         scene = trimesh.load_scene(io.BytesIO(content), file_type=kind, process=False, skip_materials=True)
         mesh = scene.to_mesh()
         faces, vertices = np.asarray(mesh.faces), np.asarray(mesh.vertices, dtype=np.float64)
         broken = len(faces) > 0 and (faces.min() < 0 or faces.max() >= len(vertices))
     except Exception as error:
-        # Loaders fail on damaged files in every way there is.
+        # Loaders raise all kinds of exceptions on damaged files.
         reason = " ".join(str(error).split())[:120] or type(error).__name__
-        raise InputError(f"{path}: is damaged or is no {kind.upper()} file ({reason}); export it again") from error
+        raise InputError(f"{path}: is damaged or not a {kind.upper()} file ({reason}); export it again") from error
     if broken:
-        raise InputError(f"{path}: is damaged: faces name vertices that it does not have; export it again")
+        raise InputError(f"{path}: is damaged: faces refer to vertices that do not exist; export it again")
     if len(faces) == 0:
-        raise InputError(f"{path}: holds no triangles that can be read; is it a whole {kind.upper()} mesh?")
+        raise InputError(f"{path}: contains no triangles that can be read; is it a complete {kind.upper()} mesh?")
     return trimesh.Trimesh(vertices, faces, process=False)
 
 
 def clean(mesh: trimesh.Trimesh, path: Path) -> trimesh.Trimesh:
-    """The mesh without what is superfluous and with its faces outward.
+    """The mesh without superfluous elements and with faces oriented outward.
 
     Raises:
-        InputError: it has vertices that are not finite, or no inside.
+        InputError: It has vertices that are not finite, or no inside.
     """
     mesh.remove_unreferenced_vertices()
     bad = int((~np.isfinite(mesh.vertices)).any(axis=1).sum())
@@ -124,30 +123,30 @@ def clean(mesh: trimesh.Trimesh, path: Path) -> trimesh.Trimesh:
     mesh.update_faces(distinct_corners(mesh) & mesh.unique_faces())
     mesh.remove_unreferenced_vertices()
     require_thickness(mesh, path)
-    mesh = turn_alike(mesh, path)
+    mesh = orient_consistently(mesh, path)
     if not mesh.is_watertight:
         area_vectors = np.asarray(mesh.area_faces)[:, None] * np.asarray(mesh.face_normals)
         if np.linalg.norm(area_vectors.sum(axis=0)) > OPEN_SHEET * mesh.area:
             raise InputError(f"{path}: is an open sheet, which has no inside; give it thickness or close it")
-        warn(path, "has holes; what is inside is decided by its winding number, as if they were closed")
-    turn_outward(mesh, path)
+        warn(path, "has holes; its winding number defines the inside, as if they were closed")
+    orient_outward(mesh, path)
     return mesh
 
 
 def distinct_corners(mesh: trimesh.Trimesh) -> np.ndarray:
-    """Which faces (F,) have three different corners.
+    """Which faces (F,) have three distinct vertices.
 
-    A sliver whose corners differ stays: without it the mesh would have a hole.
+    Slivers with distinct vertices stay: without them the mesh would have holes.
     """
     faces = mesh.faces
     return (faces[:, 0] != faces[:, 1]) & (faces[:, 1] != faces[:, 2]) & (faces[:, 2] != faces[:, 0])
 
 
 def require_thickness(mesh: trimesh.Trimesh, path: Path) -> None:
-    """Refuse what lies in a plane.
+    """Refuse a planar mesh.
 
     Raises:
-        InputError: it does.
+        InputError: The mesh is planar.
     """
     if len(mesh.faces):
         centered = np.asarray(mesh.vertices) - np.asarray(mesh.vertices).mean(axis=0)
@@ -157,10 +156,10 @@ def require_thickness(mesh: trimesh.Trimesh, path: Path) -> None:
     raise InputError(f"{path}: is flat, so it has no inside; give a solid, or a sheet with some thickness")
 
 
-def turn_alike(mesh: trimesh.Trimesh, path: Path) -> trimesh.Trimesh:
-    """The mesh with neighboring faces turned alike.
+def orient_consistently(mesh: trimesh.Trimesh, path: Path) -> trimesh.Trimesh:
+    """The mesh with consistently oriented faces.
 
-    In each connected patch the side that most of the area faces wins, so that a cavity stays a cavity.
+    In each connected patch the orientation of the larger area wins, so that a cavity stays a cavity.
     """
     import igl
     import trimesh
@@ -169,32 +168,32 @@ def turn_alike(mesh: trimesh.Trimesh, path: Path) -> trimesh.Trimesh:
         return mesh
     before = np.asarray(mesh.faces)
     faces, patch = igl.bfs_orient(np.ascontiguousarray(before, dtype=np.int64))
-    vote = np.bincount(patch, weights=np.where(same_turn(faces, before), mesh.area_faces, -mesh.area_faces))
+    vote = np.bincount(patch, weights=np.where(same_orientation(faces, before), mesh.area_faces, -mesh.area_faces))
     faces = np.where((vote < 0)[patch][:, None], faces[:, ::-1], faces)
-    turned = int((~same_turn(faces, before)).sum())
-    if turned:
+    flipped = int((~same_orientation(faces, before)).sum())
+    if flipped:
         warn(
             path,
-            f"had faces turned against their neighbors, {turned} of {len(faces)}; they were turned over",
+            f"had faces oriented against their neighbors, {flipped} of {len(faces)}; they were flipped",
         )
     else:
-        warn(path, "has faces that are turned against their neighbors and cannot be turned alike")
+        warn(path, "has faces oriented against their neighbors and cannot be oriented consistently")
     return trimesh.Trimesh(mesh.vertices, faces, process=False)
 
 
-def turn_outward(mesh: trimesh.Trimesh, path: Path) -> None:
-    """Turn all faces over, in place, if the volume that they enclose is negative."""
+def orient_outward(mesh: trimesh.Trimesh, path: Path) -> None:
+    """Flip all faces in place if the enclosed volume is negative."""
     corners = (np.asarray(mesh.vertices) - np.asarray(mesh.bounds).mean(axis=0))[mesh.faces]
     if np.linalg.det(corners).sum() < 0:
         mesh.invert()
-        warn(path, "is inside out; all of its faces were turned over")
+        warn(path, "is inside out; all of its faces were flipped")
 
 
-def same_turn(faces: np.ndarray, others: np.ndarray) -> np.ndarray:
-    """Which faces (F,) list the same corners as ``others`` in the same sense of rotation."""
+def same_orientation(faces: np.ndarray, others: np.ndarray) -> np.ndarray:
+    """Which faces (F,) list the same vertices as ``others`` in the same cyclic order."""
     return np.any([(faces == np.roll(others, shift, axis=1)).all(axis=1) for shift in range(3)], axis=0)
 
 
-def warn(path: Path, fault: str) -> None:
-    """Say what is wrong with the mesh, and go on."""
-    warnings.warn(f"{path}: {fault}", MeshWarning, stacklevel=2)
+def warn(path: Path, defect: str) -> None:
+    """Warn of a defect of the mesh."""
+    warnings.warn(f"{path}: {defect}", MeshWarning, stacklevel=2)

@@ -11,102 +11,104 @@ from torch import Tensor
 from surfsup import native
 from surfsup.errors import InputError
 from surfsup.native.dispatch import is_built
-from surfsup.sdf.mesh.distance_cache import DistanceCache
-from surfsup.sdf.mesh.query import ON_SURFACE, MeshQuery
+from surfsup.sdf.grid import SdfGrid
+from surfsup.sdf.mesh.query import ON_SURFACE, MeshQuery, unit
 from surfsup.sdf.native_query import distance_and_normal_native, distance_native
 from surfsup.sdf.surface import Surface
 
 if TYPE_CHECKING:
     import trimesh
 
-NEAR = 2.5  # cells: nearer to the surface than this the mesh itself is asked
-AGREE = 0.9  # length of the mean of the normals around, below which the mesh itself is asked
-FINE_MARGIN = 8  # cells that the fine grid reaches beyond the mesh
-COARSE = 4  # fine cells in a coarse one
+NEAR_CELLS = 2.5  # cells from the surface within which the triangles are queried
+MIN_AGREEMENT = 0.9  # length of the interpolated gradient below which the triangles are queried
+FINE_MARGIN = 8  # cells by which the fine grid extends beyond the mesh
+COARSENING = 4  # cell of the coarse grid over that of the fine one
 
 
 class MeshSurface(Surface):
-    """The solid that the triangles of ``mesh`` enclose; faces are counterclockwise seen from outside.
+    """The solid enclosed by the triangles of ``mesh``; faces are counterclockwise as seen from outside.
 
-    What is exact, with a cell of (largest extent) / ``cells``, that is 0.0125 m for a mesh of 0.8 m:
+    Accuracy, with a cell of (largest extent) / ``cells``, which is 0.0125 m for a mesh of 0.8 m:
 
-    - within about two cells of the surface distance, closest point and normal are the mesh's own;
-      the sign is right wherever the mesh is closed. Across a hole the border, which the winding number draws,
-      may be off by a cell;
-    - so they are where the normals of neighboring nodes disagree (halfway between two parts of the surface),
-      within eight cells of the mesh's box;
-    - farther from the surface both are interpolated (:class:`DistanceCache`);
-    - beyond eight cells from the mesh's box the grid is four times coarser, and beyond one mesh size from the
-      box the distance is an upper bound. ``benchmarks/mesh_distance.py`` measures the errors.
+    - Within about two cells of the surface, distance, closest point and normal are those of the triangles. The sign is
+      right wherever the mesh is closed. Across a hole, the boundary follows the winding number and may be off by a
+      cell.
+    - The same holds where the normals of neighboring nodes disagree, as halfway between two parts of the surface,
+      within eight cells of the mesh's bounding box.
+    - Beyond that, distance and normal are interpolated (:class:`SdfGrid`).
+    - Beyond eight cells from the bounding box the grid is four times coarser. Beyond one mesh size from the box the
+      distance is an upper bound. ``benchmarks/mesh_distance.py`` measures the errors.
 
-    ``exact=True`` asks the mesh for every point instead, several times slower. The grids are built when first
-    needed, in one to two seconds for 50,000 triangles. Queries run on the CPU whatever the device of the
-    points, to which the answers are moved back. A point that is not finite has distance NaN.
+    With ``exact=True`` every query uses the triangles, which is several times slower. The grids are built at the first
+    query, in one to two seconds for 50,000 triangles. Queries run on the CPU; results move to the device of the
+    points. A point that is not finite has distance NaN.
 
-    Gradients: the distance is differentiable in the points, with the unit normal as its gradient. The normal
-    itself counts as constant, as it is beside a flat face: its own derivative (the curvature, which matters
-    beside edges and corners only) is taken to be zero.
+    The distance is differentiable in the points; its gradient is the unit normal. The normal is treated as constant:
+    its derivative (the curvature, which is nonzero only beside edges and corners) is taken to be zero.
 
     Args:
-        mesh: vertices in meters.
-        cells: fine grid cells along the mesh's largest extent.
-        exact: ask the mesh for every point.
+        mesh: Vertices in meters.
+        cells: Cells of the fine grid along the largest extent of the mesh.
+        exact: Query the triangles at every point.
 
     Raises:
-        InputError: the mesh has no triangles or a vertex that is not finite.
+        InputError: The mesh has no triangles, or a vertex that is not finite.
     """
+
+    box: Tensor
 
     def __init__(self, mesh: trimesh.Trimesh, cells: int = 64, exact: bool = False) -> None:
         super().__init__()
         vertices, faces = np.asarray(mesh.vertices, dtype=np.float64), np.asarray(mesh.faces)
         if len(faces) == 0:
-            raise InputError("mesh: has no triangles, so it bounds no solid")
+            raise InputError("mesh: has no triangles, so it encloses no solid")
         if not np.isfinite(vertices).all():
             raise InputError("mesh: has vertices that are not finite numbers")
         self.query = MeshQuery(vertices, faces)
         self.cells, self.exact = cells, exact
-        self.caches: tuple[DistanceCache, DistanceCache] | None = None
+        self.grids: tuple[SdfGrid, SdfGrid] | None = None  # a tuple, so that they stay on the CPU
         used = vertices[np.unique(faces)]
         box = np.stack([used.min(axis=0), used.max(axis=0)])
         self.register_buffer("box", torch.as_tensor(box, dtype=torch.float32))
 
     def distance(self, points: Tensor) -> Tensor:
         """Signed distance (N,); exact near the surface (see the class)."""
-        found = distance_native(self, points)
-        return self.distance_and_normal(points)[0] if found is None else found
+        distance = distance_native(self, points)
+        return self.distance_and_normal(points)[0] if distance is None else distance
 
     def distance_and_normal(self, points: Tensor) -> tuple[Tensor, Tensor]:
-        """Signed distance (N,) and unit normal (N, 3), by one query; the normal carries no gradient."""
-        found = distance_and_normal_native(self, points)
-        if found is not None:
-            return found
-        values = self.look_up(points.detach().cpu().double().numpy())
+        """Signed distance (N,) and unit normal (N, 3) by one query; the normal carries no gradient."""
+        result = distance_and_normal_native(self, points)
+        if result is not None:
+            return result
+        values = self.query_points(points.detach().cpu().double().numpy())
         distance, normal = (torch.as_tensor(value).to(points.device, points.dtype) for value in values)
         return WithNormalAsGradient.apply(points, distance, normal), normal
 
     def native_solid(self) -> native.Solid | None:
-        """The same in C++, unless the mesh is asked for every point."""
+        """The same solid for the native code, unless every query uses the triangles."""
         if self.exact or not is_built():
             return None
-        fine, coarse = self.build_caches()
+        fine, coarse = self.build_grids()
+        node_distance = fine.node_distance.flatten()
         return native.Solid.of_mesh(
             triangles=self.query.triangles,
-            fine=fine.grid(),
-            coarse=coarse.grid(),
-            unsigned_distance=fine.unsigned,
-            inside=fine.inside,
-            near=NEAR * fine.cell,
-            agree=AGREE,
+            fine=fine.native_arguments(),
+            coarse=coarse.native_arguments(),
+            unsigned_distance=node_distance.abs().numpy(),
+            inside=node_distance.signbit().numpy(),
+            near=NEAR_CELLS * fine.cell,
+            agree=MIN_AGREEMENT,
             touching=ON_SURFACE * self.query.extent,
-            rest=self.look_up_rest,
+            rest=self.write_undecided,
         )
 
-    def look_up_rest(self, points: np.ndarray, distance: np.ndarray, normal: np.ndarray) -> None:
-        """Write distance (N,) and normal (N, 3) of those ``points`` (N, 3) whose side the native code cannot tell."""
-        distance[:], normal[:] = self.look_up(points.astype(np.float64))
+    def write_undecided(self, points: np.ndarray, distance: np.ndarray, normal: np.ndarray) -> None:
+        """Write distance (N,) and normal (N, 3) of ``points`` (N, 3) whose side the native code cannot decide."""
+        distance[:], normal[:] = self.query_points(points.astype(np.float64))
 
     def bounds(self) -> Tensor:
-        """The box around the triangles (2, 3)."""
+        """The bounding box of the triangles (2, 3)."""
         return self.box
 
     def to_mesh(self, resolution: int = 96) -> trimesh.Trimesh:
@@ -115,78 +117,89 @@ class MeshSurface(Surface):
 
         return trimesh.Trimesh(self.query.vertices, self.query.faces, process=False)
 
-    def look_up(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def query_points(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Distance (N,) and normal (N, 3) of ``points`` (N, 3) float64."""
         if len(points) == 0:
             return np.zeros(0), np.zeros((0, 3))
         finite = np.isfinite(points).all(axis=1)
         if not finite.all():
-            distance, normal = self.look_up(np.where(finite[:, None], points, 0.0))
+            distance, normal = self.query_points(np.where(finite[:, None], points, 0.0))
             return np.where(finite, distance, np.nan), np.where(finite[:, None], normal, np.nan)
-        return self.ask(points, known=None) if self.exact else self.look_up_cached(points)
+        return self.query_exactly(points) if self.exact else self.query_grids(points)
 
-    def look_up_cached(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The grids' answer, and in its place the mesh's own for those points that need it."""
-        fine, coarse = self.build_caches()
+    def query_grids(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Distance (N,) and normal (N, 3) by the grids; by the triangles for those points that need it."""
+        fine, coarse = self.build_grids()
+        every = torch.from_numpy(points)
         distance, normal = np.empty(len(points)), np.empty((len(points), 3))
-        in_fine = fine.holds(points)
+        in_fine = fine.contains(every).numpy()
         far, near = np.flatnonzero(~in_fine), np.flatnonzero(in_fine)
         if len(far):
-            distance[far], normal[far] = coarse.reach(points[far])
+            # As in SdfGrid.sample(), in NumPy.
+            border = every[far].clamp(coarse.lower, coarse.upper)
+            border_distance, gradient = (value.numpy() for value in coarse.interpolate(border))
+            away = points[far] - border.numpy() + border_distance[:, None] * unit(gradient)
+            distance[far], normal[far] = np.linalg.norm(away, axis=1), unit(away)
         if len(near):
-            distance[near], gradient = fine.sample(points[near])
+            distance[near], gradient = (value.numpy() for value in fine.interpolate(every[near]))
             agreement = np.linalg.norm(gradient, axis=1)
             normal[near] = gradient / np.maximum(agreement, 1e-9)[:, None]
-            unsure = near[(np.abs(distance[near]) < NEAR * fine.cell) | (agreement < AGREE)]
+            unsure = near[(np.abs(distance[near]) < NEAR_CELLS * fine.cell) | (agreement < MIN_AGREEMENT)]
             if len(unsure):
-                distance[unsure], normal[unsure] = self.ask(points[unsure], fine.nearest_node(points[unsure]))
+                distance[unsure], normal[unsure] = self.query_near_node(points[unsure], fine)
         return distance, normal
 
-    def ask(
-        self, points: np.ndarray, known: tuple[np.ndarray, np.ndarray, np.ndarray] | None
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Distance and normal by the mesh itself.
+    def query_near_node(self, points: np.ndarray, grid: SdfGrid) -> tuple[np.ndarray, np.ndarray]:
+        """Distance (N,) and normal (N, 3) by the triangles, given the exact distances at the nodes of ``grid``.
 
-        ``known`` may bring how far a place is (N,) whose own distance (N,) and side (N,) are known. The surface is no
-        farther than both together; and as long as the place is nearer than the surface, no surface lies between, and
-        the point is on the same side.
+        The distance is at most that to the nearest node plus that of the node from the surface. As long as the node is
+        nearer than the surface, no surface is between, and the point is on the same side as the node.
         """
-        if known is None:
-            inside, at_most = self.side(points)
-            distance, face, closest = self.query.nearest(points, at_most)
-        else:
-            meters, beyond, inside = known
-            distance, face, closest = self.query.nearest(points, meters + beyond)
-            unknown = np.flatnonzero(meters >= distance)
-            if len(unknown):
-                inside[unknown] = self.inside(points[unknown])
+        to_node, node = (value.numpy() for value in grid.nearest_node(torch.from_numpy(points)))
+        node_distance = grid.node_distance.flatten().numpy()[node]
+        inside = np.signbit(node_distance)
+        distance, face, closest = self.query.nearest(points, to_node + np.abs(node_distance))
+        unknown = np.flatnonzero(to_node >= distance)
+        if len(unknown):
+            inside[unknown] = self.inside(points[unknown])
+        return self.signed(points, distance, face, closest, inside)
+
+    def query_exactly(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Distance (N,) and normal (N, 3) by the triangles alone."""
+        inside, max_distance = self.inside_and_max_distance(points)
+        return self.signed(points, *self.query.nearest(points, max_distance), inside)
+
+    def signed(
+        self, points: np.ndarray, distance: np.ndarray, face: np.ndarray, closest: np.ndarray, inside: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Signed distance (N,) and normal (N, 3) from the nearest points on the mesh and the sides."""
         normal = self.query.normal(points, distance, face, closest, inside)
         return np.where(inside, -distance, distance), normal
 
     def inside(self, points: np.ndarray) -> np.ndarray:
-        """Whether each of ``points`` (N, 3) is in the solid, (N,)."""
+        """Whether each of ``points`` (N, 3) is inside the solid, (N,)."""
         return self.query.inside(points)
 
-    def side(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray | None]:
-        """The same, and how many meters (N,) the surface can be from each; None where that is not known beforehand."""
+    def inside_and_max_distance(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray | None]:
+        """The same, and an upper bound (N,) of the distance in meters; None where no bound is known."""
         return self.inside(points), None
 
-    def build_caches(self) -> tuple[DistanceCache, DistanceCache]:
-        """The fine grid around the mesh and the coarse one around that, built when first needed."""
-        if self.caches is None:
+    def build_grids(self) -> tuple[SdfGrid, SdfGrid]:
+        """The fine grid around the mesh and the coarse one around that, built at the first call."""
+        if self.grids is None:
             cell = self.query.extent / self.cells
-            fine = DistanceCache(self.query, cell, margin=FINE_MARGIN * cell)
-            coarse = DistanceCache(self.query, COARSE * cell, margin=self.query.extent)
-            self.caches = (fine, coarse)
-        return self.caches
+            fine = SdfGrid.from_mesh(self.query, cell, margin=FINE_MARGIN * cell)
+            coarse = SdfGrid.from_mesh(self.query, COARSENING * cell, margin=self.query.extent)
+            self.grids = (fine, coarse)
+        return self.grids
 
 
 class WithNormalAsGradient(torch.autograd.Function):
-    """The distance as a function of the points, whose gradient is the normal that was found with it."""
+    """The distance as a function of the points, whose gradient is the normal."""
 
     @staticmethod
     def forward(context: Any, points: Tensor, distance: Tensor, normal: Tensor) -> Tensor:
-        """Pass the distance on, keep the normal."""
+        """Return the distance and keep the normal."""
         context.save_for_backward(normal)
         return distance
 

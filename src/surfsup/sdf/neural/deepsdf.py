@@ -12,38 +12,39 @@ from torch import Tensor, nn
 
 from surfsup.errors import InputError
 from surfsup.sdf.neural import surface_file
-from surfsup.sdf.neural.code_network import CodeNetwork, CodeSizes
+from surfsup.sdf.neural.deepsdf_decoder import DecoderSizes, DeepSdfDecoder
 from surfsup.sdf.neural.native_layers import NativeLayers
-from surfsup.sdf.neural.shipped_surfaces import resolve
+from surfsup.sdf.neural.shipped_surfaces import surface_path
 from surfsup.sdf.neural.surface import NeuralSurface
 
-REACH = 1.06  # of the cube [-1, 1]³: where the zero set of any code is looked for
-CHUNK = 8192  # points at once
-MOST_OCTAVES = 16  # beyond, single precision hardly tells a place's sine from its neighbor's
+REACH = 1.06  # half the side of the cube in which the zero set of any code is extracted
+CHUNK = 8192  # points per evaluation
+MAX_OCTAVES = 16  # beyond it, single precision hardly resolves the sine of a position
 
 
 class DeepSdfSurface(NeuralSurface):
     """The solid of one latent ``code``, in a cube of side 2 around the origin; differentiable in points and code.
 
-    Its layers are linear between kinks, so that the normal counts as constant in the code, as beside a flat face.
-    The network knows distances up to 0.1; beyond, its value only says that the surface is farther. Give it a lattice
-    (:meth:`with_lattice`) where distances matter there. A lattice belongs to the code that it was made of.
+    The layers are piecewise linear. Hence the normal is treated as constant in the code. The network knows distances
+    up to 0.1; beyond, its value only says that the surface is not near. Where such distances matter, add a grid
+    with :meth:`with_grid`. A grid belongs to the code that it was built from.
 
     Args:
-        network: of all shapes.
-        code: (C,); one that requires a gradient gets it.
+        network: The decoder of all shapes.
+        code: (C,) latent code; one that requires a gradient receives it.
     """
 
-    def __init__(self, network: CodeNetwork, code: Tensor) -> None:
+    code: Tensor
+
+    def __init__(self, network: DeepSdfDecoder, code: Tensor) -> None:
         super().__init__(torch.tensor([[-REACH] * 3, [REACH] * 3]), None)
         self.network = network
-        self.code: Tensor
         if isinstance(code, nn.Parameter):
             self.code = code
         else:
             self.register_buffer("code", code)
 
-    def field(self, points: Tensor) -> tuple[Tensor, Tensor]:
+    def value_and_gradient(self, points: Tensor) -> tuple[Tensor, Tensor]:
         """The network's value (N,) and gradient (N, 3)."""
         parts = [self.network.value_and_gradient(part, self.code) for part in points.split(CHUNK)]
         values, gradients = zip(*parts, strict=True)
@@ -55,24 +56,26 @@ class DeepSdfSurface(NeuralSurface):
         return torch.cat([self.network.value(part[None], code)[0] for part in points.split(CHUNK)])
 
     def native_layers(self) -> NativeLayers | None:
-        """The layers for the native code, unless it would not tell the fastest sines."""
-        return self.network.native_layers(self.code) if self.network.sizes.octaves <= MOST_OCTAVES else None
+        """The layers for the native code; None with more octaves than single precision resolves."""
+        return self.network.native_layers(self.code) if self.network.sizes.octaves <= MAX_OCTAVES else None
 
 
 class DeepSdf(nn.Module):
-    """A network and the codes of the shapes that it was fitted to.
+    """A decoder and the latent codes of the shapes that it was fitted to.
 
     Args:
-        network: of all shapes.
-        codes: (S, C).
-        names: of the S shapes.
-        about: data, command, time and errors, as text by name.
-        source: what to call it in a complaint, usually the file's name.
+        network: The decoder of all shapes.
+        codes: (S, C) latent codes.
+        names: Names of the S shapes.
+        about: Data, command, time and errors of the fit, as text by name.
+        source: Name for error messages, usually that of the file.
     """
+
+    codes: Tensor
 
     def __init__(
         self,
-        network: CodeNetwork,
+        network: DeepSdfDecoder,
         codes: Tensor,
         names: list[str],
         about: dict[str, Any] | None = None,
@@ -84,10 +87,10 @@ class DeepSdf(nn.Module):
         self.about, self.source = about or {}, source
 
     def code(self, name: str | None = None) -> Tensor:
-        """The code (C,) of the shape ``name``; of the only one where there is but one.
+        """The code (C,) of the shape ``name``, which may be left out if there is only one shape.
 
         Raises:
-            InputError: there is no such shape, or several and no name is given.
+            InputError: There is no such shape, or several and no name.
         """
         if name is None and len(self.names) == 1:
             return self.codes[0]
@@ -104,11 +107,11 @@ class DeepSdf(nn.Module):
         """The solid of ``code`` (C,).
 
         Raises:
-            InputError: it is of another length, or not finite.
+            InputError: The code has another length, or is not finite.
         """
         length = self.network.sizes.code
         if tuple(code.shape) != (length,):
-            raise InputError(f"{self.source}: a code of it is {length} numbers, but {tuple(code.shape)} were given")
+            raise InputError(f"{self.source}: a code has {length} numbers, but {tuple(code.shape)} were given")
         if not bool(torch.isfinite(code.detach()).all()):
             raise InputError(f"{self.source}: the code has numbers that are not finite")
         return DeepSdfSurface(self.network, code)
@@ -118,7 +121,7 @@ def save_deepsdf(path: Path, shapes: DeepSdf) -> None:
     """Write network, codes and names to ``path``.
 
     Raises:
-        InputError: the disk is full or not writable.
+        InputError: The disk is full or not writable.
     """
     tensors = {f"network.{name}": value for name, value in shapes.network.state_dict().items()}
     header = {"sizes": asdict(shapes.network.sizes), "names": shapes.names, "about": shapes.about}
@@ -126,24 +129,32 @@ def save_deepsdf(path: Path, shapes: DeepSdf) -> None:
 
 
 def load_deepsdf(path: Path) -> DeepSdf:
-    """The shapes in ``path``, a file or the name of a shipped one.
+    """The shapes in ``path``, a file or the name of a shipped family; no tensor of them requires a gradient.
 
     Raises:
-        InputError: the file is missing, cut off, not one of a DeepSDF, or its tensors are those of another
-            architecture.
+        InputError: The file is missing, truncated, not a DeepSDF, or its tensors do not fit its architecture.
     """
-    header, tensors = surface_file.read(resolve(path), surface_file.DEEPSDF)
+    header, tensors = surface_file.read(surface_path(path), surface_file.DEEPSDF)
     try:
-        sizes, weights, codes = CodeSizes(**header["sizes"]), surface_file.part(tensors, "network."), tensors["codes"]
-        fitting = (sizes.width, sizes.code) == (weights["last.weight"].shape[1], codes.shape[1])
-        if not fitting or sizes.layers > len(weights) or sizes.octaves > MOST_OCTAVES:
-            raise ValueError(f"the header says {sizes}")
+        sizes, codes = DecoderSizes(**header["sizes"]), tensors["codes"]
+        weights = present_names(surface_file.with_prefix(tensors, "network."))
+        consistent = (sizes.width, sizes.code) == (weights["last.weight"].shape[1], codes.shape[1])
+        if not consistent or sizes.layers > len(weights) or sizes.octaves > MAX_OCTAVES:
+            raise ValueError(f"the header gives {sizes}")
         names = [str(name) for name in header["names"]]
         if len(names) != len(codes) or not names:
             raise ValueError(f"{len(names)} names for {len(codes)} codes")
-        network = CodeNetwork(sizes)
+        network = DeepSdfDecoder(sizes)
         network.load_state_dict(weights)
         shapes = DeepSdf(network, codes, names, header["about"], str(path))
     except (KeyError, TypeError, ValueError, RuntimeError, AttributeError) as error:
-        raise surface_file.misfit(path, error) from None
+        raise surface_file.architecture_error(path, error) from None
     return shapes.eval().requires_grad_(False)
+
+
+def present_names(weights: dict[str, Tensor]) -> dict[str, Tensor]:
+    """Weights of the decoder by their present names; version 0.1 wrote ``of_place`` and ``of_code``."""
+    return {
+        name.replace("of_place.", "from_position.").replace("of_code.", "from_code."): value
+        for name, value in weights.items()
+    }

@@ -1,4 +1,4 @@
-"""A network of a solid as the native code takes it."""
+"""The layers of a neural surface as the native code takes them."""
 
 from __future__ import annotations
 
@@ -6,22 +6,21 @@ from typing import TypedDict
 
 import numpy as np
 
-# What a layer multiplies the layer before by (W, W), None in the first; what it multiplies a place by, and the sines
-# and cosines of its octaves (W, 3 + 6 octaves), in the first and where these come in again; its biases (W,); what it
-# multiplies the code by (W, C).
+# The weights of the previous layer's activations (W, W), None in the first layer; of the position and the sines and
+# cosines of its octaves (W, 3 + 6 octaves), None in layers without that input; biases (W,); of the code (W, C) or None.
 NativeLayer = tuple[np.ndarray | None, np.ndarray | None, list[np.ndarray], np.ndarray | None]
 
 
 class NativeLayers(TypedDict):
-    """The arguments of :meth:`surfsup.native.Solid.of_network` that a network knows, in single precision.
+    """Those arguments of :meth:`surfsup.native.Solid.of_network` that a network knows, in single precision.
 
     Attributes:
-        layers: from the first to the last but one.
-        last: (W,), what the last layer is multiplied by.
+        layers: All but the last.
+        last: (W,) weights of the last layer, whose output is the value.
         last_bias: (1,).
-        code: (C,) of the shape, where there are several.
-        frequency: of sines; 0 stands for rectified linear units.
-        octaves: of the sines and cosines of a place that come in beside it.
+        code: (C,) latent code of the shape; None for networks of one shape.
+        frequency: Frequency of the sine activations; 0 for rectified linear units.
+        octaves: Octaves of the sines and cosines of a position that are inputs beside the position itself.
     """
 
     layers: list[NativeLayer]

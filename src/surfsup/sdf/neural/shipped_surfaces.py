@@ -1,29 +1,29 @@
-"""The neural surfaces that come with the package, by name."""
+"""The neural surfaces that ship with the package, by name."""
 
 from __future__ import annotations
 
 from importlib.resources import files
 from pathlib import Path
 
-from surfsup.sdf.neural.surface_file import ENDING
+from surfsup.sdf.neural.surface_file import SUFFIX
 
 
 def shipped_surfaces() -> dict[str, Path]:
-    """Their files by name."""
-    folder = Path(str(files("surfsup.surfaces")))
-    return {path.stem: path for path in sorted(folder.glob(f"*{ENDING}"))}
+    """The files of the shipped surfaces by name."""
+    folder = Path(str(files("surfsup.sdf.neural") / "shipped"))
+    return {path.stem: path for path in sorted(folder.glob(f"*{SUFFIX}"))}
 
 
 def is_shipped(name: Path) -> bool:
-    """Whether ``name`` is that of a shipped surface; files of one's own are told from it by their ending."""
+    """Whether ``name`` is that of a shipped surface; files of users have a suffix."""
     return not name.suffix and str(name) in shipped_surfaces()
 
 
-def resolve(name: Path) -> Path:
-    """The file of the shipped surface called ``name``; any other path as it is."""
+def surface_path(name: Path) -> Path:
+    """The file of the shipped surface ``name``; any other path unchanged."""
     return shipped_surfaces()[str(name)] if is_shipped(name) else name
 
 
-def seen_from(folder: Path, name: Path) -> Path:
-    """The path ``name`` when it starts at ``folder``; the name of a shipped surface as it is."""
+def path_from(folder: Path, name: Path) -> Path:
+    """The path ``name`` relative to ``folder``; the name of a shipped surface unchanged."""
     return name if is_shipped(name) else folder / name

@@ -9,25 +9,21 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from surfsup.sdf.grid import Lattice
+from surfsup.sdf.grid import SdfGrid
 from surfsup.sdf.neural import surface_file
 from surfsup.sdf.neural.native_layers import NativeLayers
-from surfsup.sdf.neural.shipped_surfaces import resolve
+from surfsup.sdf.neural.shipped_surfaces import surface_path
 from surfsup.sdf.neural.sine_network import SineNetwork
 from surfsup.sdf.neural.surface import NeuralSurface
 from surfsup.sdf.surface import Surface
 from surfsup.sdf.transform import Transformed
 
-CHUNK = 4096  # points at once: what a layer writes stays in the processor's cache
+CHUNK = 4096  # points per evaluation, so that the activations of a layer stay in the processor's cache
 
 
 @dataclass(frozen=True)
 class SirenSizes:
-    """What the network is made of.
-
-    Attributes:
-        width, layers, frequency: see :class:`SineNetwork`.
-    """
+    """The architecture of a :class:`SineNetwork`, see there."""
 
     width: int = 128
     layers: int = 3
@@ -39,12 +35,12 @@ class SirenSizes:
 
 
 @dataclass(frozen=True)
-class Cube:
-    """How a shape was moved and scaled into the cube of side 2: x -> (x - center) · scale.
+class Normalization:
+    """The map of a shape into the cube of side 2 around the origin: x -> (x - center) · scale.
 
     Attributes:
-        center: of its box, in its own unit.
-        scale: 2 over its largest extent.
+        center: Center of the shape's bounding box, in its original units.
+        scale: 2 over the largest extent.
     """
 
     center: tuple[float, float, float]
@@ -54,30 +50,30 @@ class Cube:
 class SirenSurface(NeuralSurface):
     """A solid fitted by ``network``, in a cube of side 2 around the origin.
 
-    Put it at any size with :class:`Transformed`: F_s(p) = s · F(p / s) (supplement, section 5.5).
+    :class:`Transformed` places it at any size: F_s(p) = s · F(p / s) (supplement, section 5.5).
 
     Args:
-        network: negative inside.
-        bounds: (2, 3) a box that holds the solid.
-        lattice: distances far from it; None leaves all to the network.
-        cube: where it came from.
-        about: data, command, time and errors, as text by name.
+        network: Negative inside the solid.
+        bounds: (2, 3) a box that contains the solid.
+        grid: Distances far from the solid; None to evaluate the network everywhere.
+        normalization: How the input was mapped into the cube.
+        about: Data, command, time and errors of the fit, as text by name.
     """
 
     def __init__(
         self,
         network: SineNetwork,
         bounds: Tensor,
-        lattice: Lattice | None = None,
-        cube: Cube | None = None,
+        grid: SdfGrid | None = None,
+        normalization: Normalization | None = None,
         about: dict[str, Any] | None = None,
     ) -> None:
-        super().__init__(bounds, lattice)
+        super().__init__(bounds, grid)
         self.network = network
-        self.cube = cube or Cube((0.0, 0.0, 0.0), 1.0)
+        self.normalization = normalization or Normalization((0.0, 0.0, 0.0), 1.0)
         self.about = about or {}
 
-    def field(self, points: Tensor) -> tuple[Tensor, Tensor]:
+    def value_and_gradient(self, points: Tensor) -> tuple[Tensor, Tensor]:
         """The network's value (N,) and gradient (N, 3)."""
         if len(points) <= CHUNK:
             return self.network.value_and_gradient(points)
@@ -92,47 +88,54 @@ class SirenSurface(NeuralSurface):
         """The layers for the native code."""
         return self.network.native_layers()
 
-    def in_own_unit(self) -> Surface:
-        """The solid where the mesh or the cloud was that it was fitted to, in that one's unit."""
-        return Transformed(self, None, self.cube.center, 1 / self.cube.scale)
+    def in_original_units(self) -> Surface:
+        """The solid at the position and in the units of the mesh or point cloud that it was fitted to."""
+        return Transformed(self, None, self.normalization.center, 1 / self.normalization.scale)
 
 
 def save_siren(path: Path, surface: SirenSurface) -> None:
-    """Write ``surface`` to ``path``; the lattice's distances in half precision.
+    """Write ``surface`` to ``path``; the distances of its grid in half precision.
 
     Raises:
-        InputError: the disk is full or not writable.
+        InputError: The disk is full or not writable.
     """
-    network, lattice = surface.network, surface.lattice
+    network, grid = surface.network, surface.grid
     sizes = SirenSizes(network.width, network.layers, network.frequency)
     tensors = {f"network.{name}": value for name, value in network.state_dict().items()}
     tensors["bounds"] = surface.box
-    header = {"sizes": asdict(sizes), "cube": asdict(surface.cube), "about": surface.about}
-    if lattice is not None:
-        tensors |= {"lattice.values": lattice.values().half(), "lattice.lower": lattice.lower}
-        header["cell"] = lattice.cell
+    header: dict[str, Any] = {"sizes": asdict(sizes), "cube": asdict(surface.normalization), "about": surface.about}
+    if grid is not None:
+        tensors |= {"lattice.values": grid.node_distance.half(), "lattice.lower": grid.lower}
+        header["cell"] = grid.cell
     surface_file.write(path, surface_file.SIREN, header, tensors)
 
 
 def load_siren(path: Path) -> SirenSurface:
-    """The surface in ``path``, a file or the name of a shipped one, ready to be asked.
+    """The surface in ``path``, a file or the name of a shipped surface; no tensor of it requires a gradient.
 
     Raises:
-        InputError: the file is missing, cut off, not one of a SIREN, or its tensors are those of another architecture.
+        InputError: The file is missing, truncated, not a SIREN, or its tensors do not fit its architecture.
     """
-    header, tensors = surface_file.read(resolve(path), surface_file.SIREN)
+    header, tensors = surface_file.read(surface_path(path), surface_file.SIREN)
     try:
         sizes = SirenSizes(**header["sizes"])
-        weights = surface_file.part(tensors, "network.")
+        weights = surface_file.with_prefix(tensors, "network.")
         if sizes.width != len(weights["last"]) or sizes.layers >= len(weights):
-            raise ValueError(f"the header says {sizes}")
+            raise ValueError(f"the header gives {sizes}")
         network = sizes.network()
         network.load_state_dict(weights)
-        lattice = None
+        grid = None
         if "lattice.values" in tensors:
-            lattice = Lattice(tensors["lattice.values"], tensors["lattice.lower"], float(header["cell"]))
-        cube = Cube(tuple(header["cube"].get("center") or header["cube"]["centre"]), float(header["cube"]["scale"]))
-        surface = SirenSurface(network, tensors["bounds"].reshape(2, 3), lattice, cube, header["about"])
+            grid = SdfGrid.from_distances(tensors["lattice.values"], tensors["lattice.lower"], float(header["cell"]))
+        surface = SirenSurface(
+            network, tensors["bounds"].reshape(2, 3), grid, normalization(header["cube"]), header["about"]
+        )
     except (KeyError, TypeError, ValueError, RuntimeError, AttributeError) as error:
-        raise surface_file.misfit(path, error) from None
+        raise surface_file.architecture_error(path, error) from None
     return surface.eval().requires_grad_(False)
+
+
+def normalization(header: dict[str, Any]) -> Normalization:
+    """The normalization in a file's header; version 0.1 wrote ``centre``."""
+    x, y, z = header.get("center") or header["centre"]
+    return Normalization((x, y, z), float(header["scale"]))

@@ -1,4 +1,4 @@
-"""A surface that a network knows: what all of them share."""
+"""What all neural surfaces share: the network near the surface, a grid far from it."""
 
 from __future__ import annotations
 
@@ -11,8 +11,9 @@ from torch import Tensor, nn
 
 from surfsup import native
 from surfsup.native.dispatch import needs_gradient
-from surfsup.sdf.grid import Lattice
+from surfsup.sdf.grid import SdfGrid, mesh_distances
 from surfsup.sdf.marching_cubes import polygonize
+from surfsup.sdf.mesh.query import MeshQuery
 from surfsup.sdf.mesh.surface import MeshSurface
 from surfsup.sdf.native_query import distance_and_normal_native, distance_native
 from surfsup.sdf.neural.native_layers import NativeLayers
@@ -22,34 +23,37 @@ from surfsup.sdf.transform import Transformed
 if TYPE_CHECKING:
     import trimesh
 
-NEAR = 0.1  # of a cube of side 2: nearer than this the network is asked, which was fitted there
-CELL = 0.05  # of the lattice, in the same unit
-MARGIN = 0.25  # that the lattice reaches beyond the solid
-LATTICE_RESOLUTION = 64  # cells along the box of the mesh that the lattice is taken of
-EXACT_RESOLUTION = 160  # cells along the longest side of the mesh that metrics are taken by
+# In units of the normalized shape, whose bounding cube has side 2.
+NETWORK_RANGE = 0.1  # distance within which the network is evaluated; it was fitted there
+GRID_CELL = 0.05
+GRID_MARGIN = 0.25  # by which the grid extends beyond the solid
+GRID_RESOLUTION = 64  # cells along the longest side of the mesh whose distances are on the grid
+EXACT_RESOLUTION = 160  # cells along the longest side of the mesh that metrics use
 
 
 class NeuralSurface(Surface):
-    """A solid that is where a network is negative, in the network's own unit: its cube has side 2.
+    """A solid where a network is negative, in the network's own units: its bounding cube has side 2.
 
-    A network is trusted at its zero and near it. Farther off the distance comes from a :class:`Lattice` of exact
-    distances to the mesh of that zero, where there is one. ``exact=True`` asks that mesh, as finely extracted, for
-    every point: so the metrics judge (supplement, section 6.1).
+    The network is accurate at its zero set and near it. Elsewhere the distance comes from an :class:`SdfGrid` of
+    exact distances to the mesh of the zero set, if there is one. With ``exact=True`` every query uses a finer mesh of
+    the zero set; metrics are computed that way (supplement, section 6.1).
 
     Args:
-        bounds: (2, 3) a box that holds the solid.
-        lattice: distances far from it; None leaves all to the network.
+        bounds: (2, 3) a box that contains the solid.
+        grid: Distances far from the solid; None to evaluate the network everywhere.
     """
 
-    def __init__(self, bounds: Tensor, lattice: Lattice | None) -> None:
+    box: Tensor
+
+    def __init__(self, bounds: Tensor, grid: SdfGrid | None) -> None:
         super().__init__()
         self.register_buffer("box", bounds.float())
-        self.lattice = lattice
+        self.grid = grid
         self.exact = False
         self.mesh_surface: MeshSurface | None = None
 
     @abstractmethod
-    def field(self, points: Tensor) -> tuple[Tensor, Tensor]:
+    def value_and_gradient(self, points: Tensor) -> tuple[Tensor, Tensor]:
         """The network's value (N,) and its gradient (N, 3) at ``points`` (N, 3), single precision."""
 
     @abstractmethod
@@ -57,17 +61,17 @@ class NeuralSurface(Surface):
         """The network's value (N,) alone, which costs less."""
 
     def distance(self, points: Tensor) -> Tensor:
-        """Signed distance (N,), by the network near the surface and by the lattice beyond."""
+        """Signed distance (N,), by the network near the surface and by the grid elsewhere."""
         if self.exact:
             return self.exact_surface().distance(points)
-        found = distance_native(self, points)
-        if found is not None:
-            return found
+        result = distance_native(self, points)
+        if result is not None:
+            return result
         single = points.float()
-        if self.lattice is None:
+        if self.grid is None:
             return self.value(single).to(points.dtype)
-        distance, _ = self.lattice.sample(single)
-        near = torch.nonzero(distance.detach().abs() < NEAR).squeeze(-1)
+        distance, _ = self.grid.sample(single)
+        near = torch.nonzero(distance.detach().abs() < NETWORK_RANGE).squeeze(-1)
         if len(near):
             distance = distance.index_copy(0, near, self.value(single[near]))
         return distance.to(points.dtype)
@@ -76,35 +80,35 @@ class NeuralSurface(Surface):
         """Signed distance (N,) and unit normal (N, 3) in one pass, both differentiable."""
         if self.exact:
             return self.exact_surface().distance_and_normal(points)
-        found = distance_and_normal_native(self, points)
-        if found is not None:
-            return found
+        result = distance_and_normal_native(self, points)
+        if result is not None:
+            return result
         with torch.set_grad_enabled(needs_gradient(points, module=self)):
-            return self.look(points)
+            distance, gradient = self.network_or_grid(points.float())
+            return distance.to(points.dtype), nn.functional.normalize(gradient, dim=-1).to(points.dtype)
 
-    def look(self, points: Tensor) -> tuple[Tensor, Tensor]:
-        """Distance and normal, as far as gradients are recorded."""
-        single = points.float()
-        if self.lattice is None:
-            distance, gradient = self.field(single)
-        else:
-            distance, gradient = self.lattice.sample(single)
-            near = torch.nonzero(distance.detach().abs() < NEAR).squeeze(-1)
-            if len(near):
-                value, slope = self.field(single[near])
-                distance, gradient = distance.index_copy(0, near, value), gradient.index_copy(0, near, slope)
-        return distance.to(points.dtype), nn.functional.normalize(gradient, dim=-1).to(points.dtype)
+    def network_or_grid(self, points: Tensor) -> tuple[Tensor, Tensor]:
+        """Distance (N,) and gradient (N, 3), by the network near the surface and by the grid elsewhere."""
+        if self.grid is None:
+            return self.value_and_gradient(points)
+        distance, gradient = self.grid.sample(points)
+        near = torch.nonzero(distance.detach().abs() < NETWORK_RANGE).squeeze(-1)
+        if len(near):
+            near_distance, near_gradient = self.value_and_gradient(points[near])
+            distance = distance.index_copy(0, near, near_distance)
+            gradient = gradient.index_copy(0, near, near_gradient)
+        return distance, gradient
 
     def native_solid(self) -> native.Solid | None:
-        """The same in C++, unless the mesh is asked for every point or nothing is known of the layers."""
+        """The same solid for the native code, unless every query uses the mesh or the layers are not supported."""
         layers = self.native_layers()
         if self.exact or layers is None:
             return None
-        lattice = None if self.lattice is None else self.lattice.grid()
-        return native.Solid.of_network(**layers, lattice=lattice, near=NEAR)
+        grid = None if self.grid is None else self.grid.native_arguments()
+        return native.Solid.of_network(**layers, lattice=grid and (grid[0], grid[1], *grid[3:]), near=NETWORK_RANGE)
 
     def native_layers(self) -> NativeLayers | None:
-        """The layers for the native code; None where they are none of those it knows."""
+        """The layers for the native code; None for networks that it does not support."""
         return None
 
     def bounds(self) -> Tensor:
@@ -113,23 +117,23 @@ class NeuralSurface(Surface):
 
     @property
     def exact_outside(self) -> bool:
-        """No: the network's value is the distance only nearly."""
+        """False: the network's value approximates the distance."""
         return False
 
-    def with_lattice(self) -> NeuralSurface:
-        """The same, with a lattice and a box of its zero set as it is now; in place.
+    def with_grid(self) -> NeuralSurface:
+        """The same surface, with the grid and the bounding box of its present zero set; in place.
 
         Raises:
-            InputError: it has no inside.
+            InputError: The solid is empty.
         """
-        mesh = polygonize(self, LATTICE_RESOLUTION)
+        mesh = polygonize(self, GRID_RESOLUTION)
         vertices = np.asarray(mesh.vertices)
         self.box = torch.tensor(np.stack([vertices.min(axis=0), vertices.max(axis=0)]), dtype=torch.float32)
-        self.lattice = Lattice.around(vertices, np.asarray(mesh.faces), CELL, MARGIN)
+        self.grid = grid_around(mesh)
         return self
 
     def exact_surface(self) -> MeshSurface:
-        """The mesh of the zero set, asked for every point; made when first needed."""
+        """The mesh of the zero set, queried exactly; extracted at the first call."""
         if self.mesh_surface is None:
             self.exact = False
             self.mesh_surface = MeshSurface(polygonize(self, EXACT_RESOLUTION), exact=True)
@@ -137,16 +141,23 @@ class NeuralSurface(Surface):
         return self.mesh_surface
 
     def to_mesh(self, resolution: int = 128) -> trimesh.Trimesh:
-        """Triangles of the zero set, by marching cubes."""
+        """The zero set as triangles, by marching cubes."""
         if self.exact:
             return self.exact_surface().to_mesh()
         return polygonize(self, resolution)
 
 
-def standing(surface: NeuralSurface, largest_extent: float) -> Transformed:
-    """``surface`` so scaled that its largest extent is ``largest_extent`` meters, centered in x and y, on z = 0.
+def grid_around(mesh: trimesh.Trimesh) -> SdfGrid:
+    """A grid of exact distances to ``mesh``, the zero set of a network in its own units."""
+    query = MeshQuery(np.asarray(mesh.vertices), np.asarray(mesh.faces))
+    distance, _, lower = mesh_distances(query, GRID_CELL, GRID_MARGIN)
+    return SdfGrid.from_distances(distance, lower, GRID_CELL)
 
-    F_s(p) = s · F(p / s) (supplement, section 5.5).
+
+def fit_surface(surface: NeuralSurface, largest_extent: float) -> Transformed:
+    """``surface`` scaled to a largest extent in meters, centered on x = y = 0 and standing on z = 0.
+
+    F_s(p) = s · F(p / s) (supplement, section 5.5). :func:`fit_mesh` does the same for meshes.
     """
     lower, upper = surface.bounds()
     scale = largest_extent / float((upper - lower).max())

@@ -1,4 +1,4 @@
-"""Files of neural surfaces: safetensors with a JSON header, nothing that could run."""
+"""Files of neural surfaces: safetensors with a JSON header, nothing executable."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ from torch import Tensor
 
 from surfsup.errors import InputError
 
-ENDING = ".safetensors"
+SUFFIX = ".safetensors"
 SIREN = "surfsup-siren-1"
 DEEPSDF = "surfsup-deepsdf-1"
 SAMPLES = "surfsup-samples-1"
-VERBS = {SIREN: "surfsup fit siren", DEEPSDF: "surfsup fit deepsdf", SAMPLES: "surfsup fit deepsdf"}
+COMMANDS = {SIREN: "surfsup fit siren", DEEPSDF: "surfsup fit deepsdf", SAMPLES: "surfsup fit deepsdf"}
 
 
 def write(path: Path, kind: str, header: dict[str, Any], tensors: dict[str, Tensor]) -> None:
-    """Write ``tensors`` and what ``header`` says of them; a file that is there is replaced when all is written.
+    """Write ``tensors`` and ``header``; an existing file is replaced once everything is written.
 
     Raises:
-        InputError: the disk is full or not writable.
+        InputError: The disk is full or not writable.
     """
     partial = path.with_name(path.name + ".partial")
     metadata = {"format": kind, "surface": json.dumps(header)}
@@ -36,50 +36,51 @@ def write(path: Path, kind: str, header: dict[str, Any], tensors: dict[str, Tens
         raise InputError(f"{path}: cannot be written ({error})") from None
 
 
-def kind_of(path: Path) -> str:
-    """The format of the neural surface in ``path``.
+def read_format(path: Path) -> str:
+    """The format of the neural surface in ``path``: SIREN or DEEPSDF.
 
     Raises:
-        InputError: the file is missing, cut off, or holds something else.
+        InputError: The file is missing, truncated, or contains something else.
     """
-    found = metadata_of(path).get("format", "something else")
+    found = read_metadata(path).get("format", "something else")
     if found not in (SIREN, DEEPSDF):
         raise InputError(
-            f"{path}: holds '{found}', no neural surface; make one with '{VERBS[SIREN]}' or '{VERBS[DEEPSDF]}'"
+            f"{path}: holds '{found}', no neural surface; make one with '{COMMANDS[SIREN]}' or '{COMMANDS[DEEPSDF]}'"
         )
     return found
 
 
 def read(path: Path, kind: str) -> tuple[dict[str, Any], dict[str, Tensor]]:
-    """What is known of the surface in ``path``, which must be of ``kind``, and its tensors.
+    """Header and tensors of the file ``path`` of format ``kind``.
 
     Raises:
-        InputError: the file is missing, cut off, of another kind, or its header is damaged.
+        InputError: The file is missing, truncated, of another format, or damaged.
     """
-    metadata = metadata_of(path)
+    metadata = read_metadata(path)
     if metadata.get("format") != kind:
         raise InputError(
-            f"{path}: holds '{metadata.get('format', 'something else')}', not '{kind}'; make one with '{VERBS[kind]}'"
+            f"{path}: holds '{metadata.get('format', 'something else')}', not '{kind}'; "
+            f"make one with '{COMMANDS[kind]}'"
         )
     try:
         with safe_open(path, framework="pt") as file:
-            names = file.keys()  # the file itself is no mapping
+            names = file.keys()  # the file itself is not a mapping
             tensors = {name: file.get_tensor(name) for name in names}
         header = json.loads(metadata["surface"])
     except (SafetensorError, OSError, KeyError, ValueError) as error:
-        raise InputError(f"{path}: its header or its tensors are damaged ({short(error)})") from None
+        raise InputError(f"{path}: its header or its tensors are damaged ({one_line(error)})") from None
     if not all(bool(torch.isfinite(tensor).all()) for tensor in tensors.values()):
         raise InputError(f"{path}: has numbers that are not finite (NaN or infinity); fit it again")
     if not isinstance(header, dict):
-        raise InputError(f"{path}: its header is damaged (it is no mapping)")
+        raise InputError(f"{path}: its header is damaged (it is not a mapping)")
     return header, tensors
 
 
-def metadata_of(path: Path) -> dict[str, str]:
-    """The texts in the file's header.
+def read_metadata(path: Path) -> dict[str, str]:
+    """The metadata of a safetensors file.
 
     Raises:
-        InputError: the file is missing, cut off, or not safetensors.
+        InputError: The file is missing, truncated, or not safetensors.
     """
     if not path.is_file():
         raise InputError(f"{path}: there is no such file of a neural surface")
@@ -88,22 +89,22 @@ def metadata_of(path: Path) -> dict[str, str]:
             return file.metadata() or {}
     except SafetensorError as error:
         raise InputError(
-            f"{path}: is cut off or not a safetensors file ({short(error)}); pickled weights are refused"
+            f"{path}: is cut off or not a safetensors file ({one_line(error)}); pickled weights are refused"
         ) from None
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror or error}") from None
 
 
-def misfit(path: Path, error: Exception) -> InputError:
-    """The complaint that the tensors of ``path`` are not those of its architecture."""
-    return InputError(f"{path}: its tensors do not fit its architecture ({short(error)})")
+def architecture_error(path: Path, error: Exception) -> InputError:
+    """The error for a file whose tensors do not fit the architecture in its header."""
+    return InputError(f"{path}: its tensors do not fit its architecture ({one_line(error)})")
 
 
-def part(tensors: dict[str, Tensor], prefix: str) -> dict[str, Tensor]:
-    """The tensors whose name starts with ``prefix``, without it."""
+def with_prefix(tensors: dict[str, Tensor], prefix: str) -> dict[str, Tensor]:
+    """The tensors whose names start with ``prefix``, without it."""
     return {name.removeprefix(prefix): value for name, value in tensors.items() if name.startswith(prefix)}
 
 
-def short(error: Exception) -> str:
-    """The message of ``error`` on a line."""
+def one_line(error: Exception) -> str:
+    """The message of ``error`` in one line."""
     return " ".join(str(error).split())[:120]

@@ -1,1 +1,0 @@
-"""The neural surfaces that ship: safetensors, each with its card."""
