@@ -215,7 +215,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--particles", type=int, nargs="+", default=[3000, 50000])
     parser.add_argument("--threads", type=int, nargs="+", default=[1, 2])
-    parser.add_argument("--frames", type=int, default=FRAMES, help="the first 20 are free fall, the easiest for the peer")
+    parser.add_argument("--frames", type=int, default=FRAMES, help="the first 20 are free fall, easy for the peer")
     parser.add_argument("--rounds", type=int, default=3)
     parser.add_argument("--surface", choices=SURFACES, nargs="+", default=["ball"])
     parser.add_argument("--simulator", default=DEFAULT_SIMULATOR, help="name or weights file")
