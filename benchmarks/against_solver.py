@@ -80,21 +80,23 @@ def time_surfsup(scene: Scene, simulator_name: str, use_native: bool) -> Timing:
     """A rollout that is written frame by frame, in this process."""
     from surfsup import native
     from surfsup.io.trajectory import Provenance, TrajectoryWriter
-    from surfsup.learned.loading import load_simulator
-    from surfsup.simulation import simulate
+    from surfsup.simulation import Simulation
 
     if not use_native:
         native.instruction_sets = list  # as if the package had been installed without a compiler
-    surface = scene.build_surface()
-    start = scene.initial_particles(surface)
-    simulator, _ = load_simulator(simulator_name)
-    frames = simulate(simulator, scene, surface, start, "cpu")
+    frames = Simulation(scene, simulator_name, "cpu").run()
+    start = scene.initial_particles(scene.build_surface())
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "trajectory.h5"
         with TrajectoryWriter(path, scene, Provenance("benchmark"), len(start.positions)) as writer:
-            writer.append(*next(frames))
-            writer.append(*next(frames))
-            return mean_timing(lambda: writer.append(*next(frames)), scene.frames - 2)
+
+            def write_frame() -> None:
+                frame = next(frames)
+                writer.append(frame.positions, frame.velocities)
+
+            write_frame()
+            write_frame()
+            return mean_timing(write_frame, scene.frames - 2)
 
 
 def time_splishsplash(scene: Scene, adaptive: bool) -> Timing:

@@ -34,12 +34,12 @@ from against_solver import ADAPTIVE, FIXED, run_in_own_process, scene_of
 from paper_network import INPUTS
 from peers import run
 from record import write_result
-from surfsup.learned.loading import DEFAULT_SIMULATOR, load_simulator
+from surfsup.learned.loading import DEFAULT_SIMULATOR
 from surfsup.learned.message_passing.architecture import SIZES, MessagePassingArchitecture
 from surfsup.learned.message_passing.graph import build_graph
 from surfsup.learned.message_passing.surface_particles import poisson_disk
 from surfsup.scene import FRAME_TIME, PARTICLE_RADIUS, Scene
-from surfsup.simulation import simulate
+from surfsup.simulation import Simulation
 from surfsup.sph.neighbor_search import find_neighbors
 
 SURFACE_PARTICLES = 2000
@@ -94,9 +94,8 @@ def alternatives(given: argparse.Namespace) -> list[Alternative]:
 def write_splash(path: Path, scene: Scene) -> None:
     """Write the splash in the form that all scripts read."""
     surface = scene.build_surface()
-    simulator, _ = load_simulator(DEFAULT_SIMULATOR)
-    frames = simulate(simulator, scene, surface, scene.initial_particles(surface), "cpu")
-    positions, velocities = next(islice(frames, FRAME, None))
+    splash = next(islice(Simulation(scene, device="cpu").run(), FRAME, None))
+    positions, velocities = splash.positions, splash.velocities
     radius = MessagePassingArchitecture.radius
     graph = build_graph(torch.from_numpy(positions), find_neighbors(torch.from_numpy(positions), radius), radius)
     solid = torch.from_numpy(poisson_disk(surface, SURFACE_PARTICLES, 0))

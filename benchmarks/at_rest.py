@@ -23,9 +23,9 @@ import torch
 from record import write_result
 from surfsup.datasets.density import number_density
 from surfsup.datasets.recipes.tanks import GAP
-from surfsup.learned.loading import DEFAULT_SIMULATOR, load_simulator
+from surfsup.learned.loading import DEFAULT_SIMULATOR
 from surfsup.scene import Scene
-from surfsup.simulation import simulate
+from surfsup.simulation import Simulation
 from surfsup.splishsplash import solver
 
 PRINTED_FRAMES = (0, 100, 200, 400, 800, 1200, 1600, 2000)
@@ -62,6 +62,11 @@ def measure(name: str, frames: Frames, last: int) -> list[Row]:
     return rows
 
 
+def pairs_of(simulation: Simulation) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    """Positions and velocities of each frame."""
+    return ((frame.positions, frame.velocities) for frame in simulation.run())
+
+
 def main() -> None:
     """Measure the simulator, then the reference solver if requested."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -75,9 +80,8 @@ def main() -> None:
     scene = scene_of(arguments.side, arguments.depth, arguments.frames)
     start = scene.initial_particles(None)
     print(f"{len(start.positions)} particles")
-    simulator, _ = load_simulator(arguments.simulator)
     last = arguments.frames - 1
-    rows = measure(arguments.simulator, simulate(simulator, scene, None, start, "cpu"), last)
+    rows = measure(arguments.simulator, pairs_of(Simulation(scene, arguments.simulator, "cpu")), last)
     if not arguments.solver:
         return
     peer = measure("SPlisHSPlasH", solver.simulate(scene, None, start), last)

@@ -20,9 +20,9 @@ from surfsup.evaluation.compare import THREADS
 from surfsup.evaluation.evaluate import evaluate_trajectory
 from surfsup.evaluation.scores import ALL
 from surfsup.io.trajectory import Provenance, TrajectoryWriter
-from surfsup.learned.loading import DEFAULT_SIMULATOR, load_simulator
+from surfsup.learned.loading import DEFAULT_SIMULATOR
 from surfsup.scene import InitialParticles, Scene
-from surfsup.simulation import simulate
+from surfsup.simulation import Simulation
 
 KNOT = Path(__file__).parents[1] / "examples" / "knot.obj"
 SURFACES = {"ball": "{sphere: {radius: 0.35}, at: [0, 0, 0.35]}", "knot": f"{{mesh: {{file: '{KNOT}', fit: 0.7}}}}"}
@@ -30,15 +30,13 @@ SURFACES = {"ball": "{sphere: {radius: 0.35}, at: [0, 0, 0.35]}", "knot": f"{{me
 
 def write_rollout(path: Path, scene: Scene, offset: float) -> int:
     """Write a rollout whose water starts ``offset`` meters aside; returns its number of particles."""
-    simulator, _ = load_simulator(DEFAULT_SIMULATOR)
-    surface = scene.build_surface()
-    given = scene.initial_particles(surface)
+    given = scene.initial_particles(scene.build_surface())
     start = InitialParticles(
         [block + np.float32([offset, 0, 0]) for block in given.block_positions], given.block_velocities, given.excluded
     )
     with TrajectoryWriter(path, scene, Provenance(DEFAULT_SIMULATOR), len(start.positions)) as writer:
-        for frame in simulate(simulator, scene, surface, start, "cpu"):
-            writer.append(*frame)
+        for frame in Simulation(scene, device="cpu", particles=start).run():
+            writer.append(frame.positions, frame.velocities)
     return len(start.positions)
 
 

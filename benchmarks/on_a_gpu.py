@@ -20,11 +20,10 @@ import torch
 
 from against_solver import scene_of
 from surfsup import native
-from surfsup.learned.loading import DEFAULT_SIMULATOR, load_simulator
-from surfsup.simulation import choose_device, simulate
+from surfsup.simulation import Simulation
+from surfsup.sph.device import choose_device
 from surfsup.sph.kernels import KERNEL_SUPPORT
 from surfsup.sph.neighbor_search import find_neighbors
-from surfsup.sph.simulator import Simulator
 from surfsup.sph.state import SUBSTEPS
 
 EQUAL_FRAMES, EQUAL_PARTICLES = 50, 3_000
@@ -33,15 +32,9 @@ FLOAT = 4  # bytes
 
 
 def rollout(device: str) -> list[np.ndarray]:
-    """Positions (N, 3) of the first frames. The simulator is created again, since it may keep native state."""
+    """Positions (N, 3) of the first frames."""
     scene = scene_of(EQUAL_PARTICLES, EQUAL_FRAMES)
-    surface = scene.build_surface()
-    return [positions for positions, _ in simulate(load(), scene, surface, scene.initial_particles(surface), device)]
-
-
-def load() -> Simulator:
-    """The default simulator."""
-    return load_simulator(DEFAULT_SIMULATOR)[0]
+    return [frame.positions for frame in Simulation(scene, device=device).run()]
 
 
 def copy_speed(device: str) -> float:
@@ -72,15 +65,13 @@ def least_traffic(particles: int, edges: int) -> int:
 def frame_time(particles: int, frames: int, device: str) -> tuple[int, float, int]:
     """Number of particles, seconds a frame without the first two frames, and number of edges in the last frame."""
     scene = scene_of(particles, frames + 2)
-    surface = scene.build_surface()
-    start = scene.initial_particles(surface)
-    run = simulate(load(), scene, surface, start, device)
+    run = Simulation(scene, device=device).run()
     for _ in islice(run, 2):
         pass
     began = time.perf_counter()
-    ((positions, _),) = deque(run, maxlen=1)
+    (frame,) = deque(run, maxlen=1)
     took = (time.perf_counter() - began) / frames
-    last = torch.from_numpy(positions)
+    last = torch.from_numpy(frame.positions)
     return len(last), took, len(find_neighbors(last, KERNEL_SUPPORT).senders)
 
 

@@ -26,7 +26,7 @@ from surfsup.scene import InitialParticles, Scene
 from surfsup.scene.fluid import Block
 from surfsup.scene.from_surface import Placement, scene_from_surface
 from surfsup.scene.scene import Container
-from surfsup.simulation import simulate
+from surfsup.simulation import Simulation
 from surfsup.sph.simulator import Simulator
 from surfsup.splishsplash import solver
 
@@ -56,8 +56,8 @@ def write_rollout(path: Path, simulator: Simulator, scene: Scene, start: Initial
         [block + np.float32([offset, 0, 0]) for block in start.block_positions], start.block_velocities, start.excluded
     )
     with TrajectoryWriter(path, scene, Provenance("simulator"), len(start.positions)) as writer:
-        for frame in simulate(simulator, scene, scene.build_surface(), moved, "cpu"):
-            writer.append(*frame)
+        for frame in Simulation(scene, simulator, "cpu", particles=moved).run():
+            writer.append(frame.positions, frame.velocities)
 
 
 def main() -> None:

@@ -1,3 +1,98 @@
-"""Pour water on any surface: learned particle fluids whose solids are signed distance functions."""
+"""Pour water on any surface: a fast SPH solver and learned simulators around signed distance functions.
 
-__version__ = "0.1.0"
+Example:
+    >>> import surfsup as sf
+    >>> ball = sf.Transformed(sf.Sphere(0.2), translation=(0, 0, 0.2))
+    >>> scene = sf.Scene(surface=ball, fluid=[sf.Block((-0.1, -0.1, 0.5), (0.1, 0.1, 0.7))])
+    >>> simulation = sf.Simulation(scene)
+    >>> frame = simulation.step()
+    >>> frame.positions.shape, frame.velocities.dtype
+    ((125, 3), dtype('float32'))
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+__version__ = "0.2.0"
+
+if TYPE_CHECKING:
+    from surfsup import datasets, design
+    from surfsup.errors import InputError, SimulationError
+    from surfsup.evaluation.pair import evaluate_pair as evaluate
+    from surfsup.io.trajectory import Trajectory
+    from surfsup.scene import Block, Container, Scene, load_mesh
+    from surfsup.sdf import (
+        Bowl,
+        Box,
+        CappedCone,
+        Cylinder,
+        Difference,
+        Funnel,
+        Heightfield,
+        Intersection,
+        Sphere,
+        Surface,
+        Torus,
+        Transformed,
+        Union,
+    )
+    from surfsup.simulation import Frame, Simulation, SimulationState
+
+# The public names and their modules, which are imported when a name is first used: `import surfsup` alone is fast.
+_MODULES = {
+    "InputError": "errors",
+    "SimulationError": "errors",
+    "Trajectory": "io.trajectory",
+    **dict.fromkeys(("Block", "Container", "Scene", "load_mesh"), "scene"),
+    **dict.fromkeys(("Bowl", "Box", "CappedCone", "Cylinder", "Difference", "Funnel", "Heightfield"), "sdf"),
+    **dict.fromkeys(("Intersection", "Sphere", "Surface", "Torus", "Transformed", "Union"), "sdf"),
+    **dict.fromkeys(("Frame", "Simulation", "SimulationState"), "simulation"),
+}
+
+__all__ = [
+    "Block",
+    "Bowl",
+    "Box",
+    "CappedCone",
+    "Container",
+    "Cylinder",
+    "Difference",
+    "Frame",
+    "Funnel",
+    "Heightfield",
+    "InputError",
+    "Intersection",
+    "Scene",
+    "Simulation",
+    "SimulationError",
+    "SimulationState",
+    "Sphere",
+    "Surface",
+    "Torus",
+    "Trajectory",
+    "Transformed",
+    "Union",
+    "__version__",
+    "datasets",
+    "design",
+    "evaluate",
+    "load_mesh",
+]
+
+
+def __getattr__(name: str) -> object:
+    """Import a public name from its module."""
+    if name in ("datasets", "design"):
+        return import_module(f"surfsup.{name}")
+    if name == "evaluate":
+        return import_module("surfsup.evaluation.pair").evaluate_pair
+    if name not in _MODULES:
+        raise AttributeError(f"module 'surfsup' has no attribute '{name}'")
+    value = getattr(import_module(f"surfsup.{_MODULES[name]}"), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    """The public names."""
+    return __all__

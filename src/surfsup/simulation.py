@@ -1,57 +1,199 @@
-"""A scene run by a learned simulator, as arrays at the file edge."""
+"""A simulation: a scene, a simulator, and the present state."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import torch
 
 from surfsup.errors import InputError
-from surfsup.scene import Scene, Start
-from surfsup.sdf import Surface
-from surfsup.sph.simulator import Simulator
-from surfsup.sph.state import Environment
+from surfsup.learned.loading import DEFAULT_SIMULATOR, load_simulator
+from surfsup.scene import FRAME_TIME, InitialParticles, Scene
+from surfsup.sph.collision import resolve_collisions
+from surfsup.sph.device import choose_device
+from surfsup.sph.environment import Environment
+from surfsup.sph.simulator import FluidState, Simulator
+
+ROUNDING = 1e-6  # of a frame, by which times may differ
 
 
-def simulate(
-    model: Simulator, scene: Scene, surface: Surface | None, start: Start, device: str, handle_collisions: bool = True
-) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-    """Yield positions (N, 3) in meters and velocities (N, 3) in m/s of each frame, both float32.
+@dataclass(frozen=True)
+class Frame:
+    """The particles at one time.
+
+    Attributes:
+        time: seconds since the start of the scene.
+        positions: (N, 3) float32, meters.
+        velocities: (N, 3) float32, m/s.
+    """
+
+    time: float
+    positions: np.ndarray
+    velocities: np.ndarray
+
+
+@dataclass(frozen=True)
+class SimulationState:
+    """Where a simulation is; :meth:`Simulation.reset` returns to it.
+
+    Attributes:
+        frame: number of steps since the start of the scene.
+        fluid: the simulator's own state, with tensors ``positions`` and ``velocities`` (N, 3).
+    """
+
+    frame: int
+    fluid: FluidState
+
+
+class Simulation:
+    """Water in a scene, frame by frame.
 
     Args:
-        model: the learned simulator.
-        scene: container, gravity and the number of frames.
-        surface: the scene's solid.
-        start: the particles of frame 0.
-        device: where to compute.
-        handle_collisions: whether the guard keeps particles out of the solid and in the container.
-    """
-    model = model.to(device)
-    environment = Environment.of(scene, surface, device)
-    state = model.start(
-        torch.from_numpy(start.positions).to(device),
-        torch.from_numpy(start.particle_velocities).to(device),
-        environment,
-    )
-    for now, _ in model.rollout(state, environment, scene.frames, handle_collisions):
-        yield now.positions.cpu().numpy(), now.velocities.cpu().numpy()
+        scene: surface, fluid, container and gravity.
+        simulator: ``dfsph`` for the solver, the name of shipped weights such as ``surfsup``, the path of a weights
+            file, or a simulator object.
+        device: ``cpu`` or ``cuda``; a GPU is used if there is one and nothing is given.
+        handle_collisions: whether collision handling keeps particles out of solid and walls.
+        particles: of the first frame, instead of those of the scene's fluid.
 
-
-def choose_device(name: str | None) -> str:
-    """The device of that name; without a name a GPU where there is one.
+    Attributes:
+        scene: the scene.
+        surface: its solid, or None.
+        particles: of the first frame.
 
     Raises:
-        InputError: torch knows no such device here.
+        InputError: simulator, device or a file of the scene cannot be used, or no particle is left.
+
+    Example:
+        >>> import surfsup as sf
+        >>> ball = sf.Transformed(sf.Sphere(0.2), translation=(0, 0, 0.2))
+        >>> scene = sf.Scene(surface=ball, fluid=[sf.Block((-0.1, -0.1, 0.5), (0.1, 0.1, 0.7))])
+        >>> simulation = sf.Simulation(scene, device="cpu")
+        >>> frames = list(simulation.run(seconds=0.5, fps=60))
+        >>> len(frames), frames[0].positions.shape
+        (30, (125, 3))
+        >>> round(simulation.time, 3)
+        0.5
     """
-    if name is None:
-        return "cuda" if torch.cuda.is_available() else "cpu"
-    kind = name.partition(":")[0]
-    if kind not in ("cpu", "cuda"):
-        raise InputError(f"there is no device '{name}'; give cpu or cuda")
-    try:
-        torch.empty(1, device=name)
-    except (RuntimeError, AssertionError) as error:
-        reason = str(error).strip().splitlines()[0]
-        raise InputError(f"the device '{name}' cannot be used here ({reason}); try --device cpu") from None
-    return name
+
+    def __init__(
+        self,
+        scene: Scene,
+        simulator: str | Simulator[Any] = DEFAULT_SIMULATOR,
+        device: str | None = None,
+        handle_collisions: bool = True,
+        particles: InitialParticles | None = None,
+    ) -> None:
+        self.scene, self.handle_collisions = scene, handle_collisions
+        if isinstance(simulator, str):
+            simulator, _ = load_simulator(simulator)
+        self._device = choose_device(device)
+        self._simulator = simulator.to(self._device)
+        self.surface = scene.build_surface()
+        self.particles = scene.initial_particles(self.surface) if particles is None else particles
+        self._environment = Environment.of(scene, self.surface, self._device)
+        positions, velocities = (
+            torch.from_numpy(values).to(self._device)
+            for values in (self.particles.positions, self.particles.velocities)
+        )
+        self._start = SimulationState(0, self._simulator.initial_state(positions, velocities, self._environment))
+        self._state = self._start
+
+    @property
+    def state(self) -> SimulationState:
+        """The present state. It never changes: a step makes a new one."""
+        return self._state
+
+    @property
+    def time(self) -> float:
+        """Seconds since the start of the scene."""
+        return self._state.frame * FRAME_TIME
+
+    @property
+    def frame(self) -> Frame:
+        """The particles now."""
+        return as_frame(self.time, self._state.fluid.positions, self._state.fluid.velocities)
+
+    def reset(self, state: SimulationState | None = None) -> None:
+        """Return to an earlier state of this simulation, or of one of the same scene; by default to the start."""
+        self._state = self._start if state is None else state
+
+    @torch.no_grad()
+    def step(self) -> Frame:
+        """Advance by 0.005 s and return the particles.
+
+        Raises:
+            SimulationError: the simulation failed: particles are at infinity or collapsed into a clump.
+        """
+        fluid, _ = self._simulator.step(self._state.fluid, self._environment, self.handle_collisions)
+        self._state = SimulationState(self._state.frame + 1, fluid)
+        return self.frame
+
+    def run(self, seconds: float | None = None, fps: float | None = None) -> Iterator[Frame]:
+        """Yield the present frame and those after it for a while, then leave the simulation at the end of that time.
+
+        Frames between two steps are interpolated by cubic Hermite splines through positions and velocities, and moved
+        out of the solid where the spline enters it.
+
+        Args:
+            seconds: simulated time; by default the number of frames of the scene.
+            fps: frames per second, at most 200; by default every step is a frame.
+
+        Raises:
+            InputError: a value is out of range.
+            SimulationError: as :meth:`step`.
+        """
+        steps = self.scene.frames if seconds is None else seconds / FRAME_TIME
+        interval = 1.0 if fps is None else 1 / (fps * FRAME_TIME) if fps > 0 else math.inf
+        if not (0 < steps < math.inf and 1 - ROUNDING <= interval < math.inf):
+            raise InputError(f"seconds must be above 0 and fps above 0 and at most {1 / FRAME_TIME:g}")
+        return self._frames(self._state.frame, steps, interval)
+
+    def _frames(self, first: int, steps: float, interval: float) -> Iterator[Frame]:
+        before = self._state
+        for number in range(math.ceil(steps / interval - ROUNDING)):
+            target = first + number * interval
+            while self._state.frame < target - ROUNDING:
+                before = self._state
+                self.step()
+            yield self._between(before, target)
+        while self._state.frame < first + steps - ROUNDING:
+            self.step()
+
+    def _between(self, before: SimulationState, target: float) -> Frame:
+        """The particles at ``target`` frames, from the present state or between ``before`` and it."""
+        part = target - (self._state.frame - 1)
+        if part > 1 - ROUNDING:
+            return self.frame
+        old, new = before.fluid, self._state.fluid
+        positions, velocities = hermite(old, new, part)
+        if self.handle_collisions:
+            result = resolve_collisions(old.positions, positions, velocities, self._environment)
+            positions, velocities = result.positions, result.velocities
+        return as_frame(target * FRAME_TIME, positions, velocities)
+
+
+def hermite(old: FluidState, new: FluidState, part: float) -> tuple[torch.Tensor, torch.Tensor]:
+    """Positions and velocities (N, 3) at a ``part`` of the way between two frames, on cubic Hermite splines."""
+    s, h = part, FRAME_TIME
+    positions = (
+        (1 + 2 * s) * (1 - s) ** 2 * old.positions
+        + s * (1 - s) ** 2 * h * old.velocities
+        + s**2 * (3 - 2 * s) * new.positions
+        + s**2 * (s - 1) * h * new.velocities
+    )
+    velocities = (
+        6 * s * (1 - s) / h * (new.positions - old.positions)
+        + (1 - s) * (1 - 3 * s) * old.velocities
+        + s * (3 * s - 2) * new.velocities
+    )
+    return positions, velocities
+
+
+def as_frame(time: float, positions: torch.Tensor, velocities: torch.Tensor) -> Frame:
+    """A frame with copies of the particles as NumPy arrays."""
+    return Frame(time, *(values.detach().float().cpu().numpy().copy() for values in (positions, velocities)))

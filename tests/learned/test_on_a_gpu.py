@@ -8,10 +8,9 @@ import torch
 
 from surfsup.io.output_folder import count_penetrations
 from surfsup.learned.base import LearnedSimulator
-from surfsup.learned.loading import DEFAULT_SIMULATOR, load_simulator
 from surfsup.learned.registry import LEARNED_SIMULATORS
 from surfsup.scene import Scene
-from surfsup.simulation import simulate
+from surfsup.simulation import Simulation
 from surfsup.sph.environment import Environment
 from tests.learned.simulated_gpu import simulated_gpu
 
@@ -48,11 +47,9 @@ def make_simulator(kind: str) -> LearnedSimulator:
 
 def rollout(scene: Scene, device: str) -> list[np.ndarray]:
     """The frames of the default simulator; each is checked against the surface on the CPU, as the command line does."""
-    surface, (simulator, _) = scene.build_surface(), load_simulator(DEFAULT_SIMULATOR)
-    frames = []
-    for positions, _ in simulate(simulator, scene, surface, scene.initial_particles(surface), device):
-        assert count_penetrations(scene.container, surface, positions) == (0, 0)
-        frames.append(positions)
+    simulation = Simulation(scene, device=device)
+    frames = [frame.positions for frame in simulation.run()]
+    assert all(count_penetrations(scene.container, simulation.surface, frame) == (0, 0) for frame in frames)
     return frames
 
 

@@ -44,7 +44,7 @@ def evaluate(
     from surfsup.evaluation.table import evaluation_text
     from surfsup.evaluation.videos import missing_graphics, select_examples, write_videos
     from surfsup.learned.loading import load_simulator
-    from surfsup.simulation import choose_device
+    from surfsup.sph.device import choose_device
 
     simulator, card = load_simulator(simulator_name)
     name = card.name if card else simulator_name

@@ -23,8 +23,8 @@ def simulate(
     """
     from surfsup.io.trajectory import Provenance
     from surfsup.learned.loading import load_simulator
-    from surfsup.simulation import choose_device
-    from surfsup.simulation import simulate as simulate_scene
+    from surfsup.simulation import Simulation
+    from surfsup.sph.device import choose_device
 
     simulator, card = load_simulator(simulator_name)
     name = card.name if card else simulator_name
@@ -32,10 +32,9 @@ def simulate(
     scene = scene_options.read()
     if card and card.training_domain and (warning := card.training_domain.warning(scene)):
         warnings.warn(warning, stacklevel=1)
-    surface = scene.build_surface()
-    particles = scene.initial_particles(surface)
-    folder = output.create_folder(scene_options.source, len(particles.positions), scene.frames)
-    frames = simulate_scene(simulator, scene, surface, particles, device, handle_collisions=not no_collisions)
+    simulation = Simulation(scene, simulator, device, handle_collisions=not no_collisions)
+    folder = output.create_folder(scene_options.source, len(simulation.particles.positions), scene.frames)
+    frames = ((frame.positions, frame.velocities) for frame in simulation.run())
     with progress_bar(f"simulating with {name}") as bar:
-        summary = folder.record(scene, surface, frames, Provenance(name), device, bar)
-    output.finish(folder, summary, particles.excluded)
+        summary = folder.record(scene, simulation.surface, frames, Provenance(name), device, bar)
+    output.finish(folder, summary, simulation.particles.excluded)

@@ -44,7 +44,7 @@ def train(
     from surfsup.datasets.streaming.streamed_windows import StreamedWindows, stream_for_training
     from surfsup.datasets.windows import Windows
     from surfsup.learned import weights_file
-    from surfsup.simulation import choose_device
+    from surfsup.sph.device import choose_device
     from surfsup.training.config import load_config
     from surfsup.training.devices import fabric_on, shut_down
     from surfsup.training.run import TrainingRun, load_average
