@@ -4,11 +4,18 @@ import torch
 import trimesh
 
 from surfsup.errors import InputError
-from surfsup.fitting.deepsdf_fit import CLAMP, CUBE_SAMPLES, clamped_error, sample_shape, sample_shapes
+from surfsup.fitting.deepsdf_fit import (
+    CLAMP,
+    CUBE_SAMPLES,
+    clamped_error,
+    load_samples,
+    sample_shape,
+    sample_shapes,
+    save_samples,
+)
 from surfsup.fitting.exact_shape import ExactSurface
 from surfsup.fitting.interpolate import interpolate
 from surfsup.fitting.reconstruct import reconstruct
-from surfsup.fitting.sample_file import load_samples, save_samples
 from surfsup.fitting.shape_set import open_shape_set
 from surfsup.sdf import Box
 from tests.fitting.conftest import Balls

@@ -4,10 +4,11 @@ import torch
 
 from surfsup.errors import InputError
 from surfsup.fitting.exact_shape import ExactSurface
-from surfsup.fitting.fit import fit_config, run_fit
+from surfsup.fitting.fit import run_fit
 from surfsup.fitting.point_cloud import PointCloud
 from surfsup.fitting.siren_fit import SirenConfig, SirenFit, SirenTarget
 from surfsup.fitting.siren_result import measure_errors
+from surfsup.optim.config import parse_config, parse_overrides
 from surfsup.optim.run import Diverged
 from surfsup.sdf import Sphere
 from tests.fitting.conftest import SMALL
@@ -108,4 +109,4 @@ def test_a_cloud_without_distances_is_fitted_by_the_published_loss(tmp_path):
 )
 def test_a_wrong_option_is_named(override, complaint):
     with pytest.raises(InputError, match=complaint):
-        fit_config(SirenConfig, [override])
+        parse_config(SirenConfig, parse_overrides([override]), "options")

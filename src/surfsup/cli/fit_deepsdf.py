@@ -26,9 +26,15 @@ def deepsdf(
 
     Example: surfsup fit deepsdf chairs --shapes 500 -o chairs.safetensors --time 2h
     """
-    from surfsup.fitting.deepsdf_fit import DeepSdfConfig, DeepSdfFit, fitted_shapes, sample_shapes
+    from surfsup.fitting.deepsdf_fit import (
+        DeepSdfConfig,
+        DeepSdfFit,
+        fitted_shapes,
+        load_samples,
+        sample_shapes,
+        save_samples,
+    )
     from surfsup.fitting.fit import fit_folder
-    from surfsup.fitting.sample_file import load_samples, save_samples
     from surfsup.fitting.shape_set import open_shape_set
     from surfsup.sdf.neural.deepsdf import save_deepsdf
 

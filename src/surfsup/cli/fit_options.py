@@ -40,10 +40,11 @@ class FitOptions:
         """
         import torch
 
-        from surfsup.fitting.fit import fit_config
+        from surfsup.optim.config import parse_config, parse_overrides
 
         torch.set_num_threads(self.threads)
-        return fit_config(kind, [*(self.overrides or []), f"seed={self.seed}"])
+        data = parse_overrides([*(self.overrides or []), f"seed={self.seed}"])
+        return parse_config(kind, data, "options of the fit")
 
 
 def run_and_write(fit: Fit[Any, Any], stop: Stop, resume: bool, write: Callable[[], list[str]]) -> None:

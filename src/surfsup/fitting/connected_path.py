@@ -15,7 +15,7 @@ import torch
 from scipy.sparse.csgraph import dijkstra
 
 from surfsup.errors import InputError
-from surfsup.fitting.interpolate import RESOLUTION, InterpolatedSolid, interpolated_solid, require_two
+from surfsup.fitting.interpolate import RESOLUTION, InterpolatedSolid, interpolated_solid
 from surfsup.sdf.neural.deepsdf import DeepSdf
 
 LENGTH_EXPONENT = 3.0  # a hop costs its length to this power, which prefers several short hops to a long one
@@ -33,7 +33,8 @@ def interpolate_connected(
         InputError: there are fewer than two steps, a shape is unknown or not a single closed mesh itself, or too few
             solids on the path are connected.
     """
-    require_two(steps)
+    if steps < 2:
+        raise InputError(f"an interpolation of {steps} steps has no two ends; give at least 2")
     for name in (first, second):
         shapes.code(name)
     start, end = shapes.names.index(first), shapes.names.index(second)

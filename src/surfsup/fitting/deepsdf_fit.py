@@ -19,6 +19,7 @@ from surfsup.fitting.exact_shape import ExactShape, concatenate
 from surfsup.fitting.fit import Fit, FitConfig
 from surfsup.fitting.shape_set import ShapeSet
 from surfsup.optim.config import Count, NonNegative, Positive
+from surfsup.sdf.neural import surface_file
 from surfsup.sdf.neural.deepsdf import DeepSdf
 from surfsup.sdf.neural.deepsdf_decoder import DecoderSizes, DeepSdfDecoder
 
@@ -28,6 +29,7 @@ AROUND_SAMPLES, CUBE_SAMPLES = 12_000, 1_500  # of each shape
 REACH = 1.1  # half side of the cube of the latter
 HELD_OUT = 500  # samples of each shape that measure the error
 HELD_OUT_SHAPES = 50
+SAMPLES_FILE = "samples.safetensors"
 
 
 class DeepSdfConfig(FitConfig):
@@ -108,6 +110,30 @@ def sample_shapes(shapes: ShapeSet, seed: int, progress: Callable[[int, int], No
     if not names:
         raise InputError(f"none of the {len(shapes.names)} shapes can be used; the last: {reason}")
     return ShapeSamples(names, torch.stack(points), torch.stack(distances))
+
+
+def save_samples(folder: Path, samples: ShapeSamples) -> None:
+    """Write ``samples`` into ``folder``, so that a resumed fit need not draw them again.
+
+    Raises:
+        InputError: the disk is full or not writable.
+    """
+    tensors = {"points": samples.points, "distance": samples.distance}
+    surface_file.write(folder / SAMPLES_FILE, surface_file.SAMPLES, {"names": samples.names}, tensors)
+
+
+def load_samples(folder: Path) -> ShapeSamples:
+    """Read the samples in ``folder``.
+
+    Raises:
+        InputError: they are missing or damaged.
+    """
+    path = folder / SAMPLES_FILE
+    header, tensors = surface_file.read(path, surface_file.SAMPLES)
+    try:
+        return ShapeSamples(header["names"], tensors["points"], tensors["distance"])
+    except KeyError as error:
+        raise InputError(f"{path}: is damaged ({error} is missing); start the fit again") from None
 
 
 class AutoDecoder(nn.Module):

@@ -4,30 +4,20 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
 import torch
-from pydantic import ValidationError
 from torch import Tensor
 
 from surfsup import __version__
 from surfsup.errors import InputError
 from surfsup.optim.checkpoint import CheckpointFiles, with_prefix, without_prefix
-from surfsup.optim.config import (
-    Count,
-    Decay,
-    NonNegative,
-    NonNegativeInt,
-    OptimizationConfig,
-    Positive,
-    parse_overrides,
-)
+from surfsup.optim.config import Count, Decay, NonNegative, NonNegativeInt, OptimizationConfig, Positive
 from surfsup.optim.loop import Progress, optimize
 from surfsup.optim.run import Diverged, Model, Run
-from surfsup.scene.validation_error import format_validation_error
 from surfsup.sdf.neural.surface_file import SUFFIX
 
 RUNAWAY_RATIO = 8.0  # a smoothed loss this many times its minimum has diverged
@@ -158,18 +148,6 @@ def run_fit(
     if fit.step > fit.validated_step:
         fit.validate()
         fit.save()
-
-
-def fit_config(kind: type[Config], overrides: Iterable[str] = ()) -> Config:
-    """The options of a fit: the defaults with ``key=value`` overrides.
-
-    Raises:
-        InputError: a key is unknown, or a value is out of range.
-    """
-    try:
-        return kind.model_validate(parse_overrides(overrides))
-    except ValidationError as error:
-        raise InputError(f"options of the fit: {format_validation_error(error, kind)}") from None
 
 
 def fit_folder(out: Path, resume: bool) -> Path:

@@ -53,7 +53,8 @@ def interpolate(
     Raises:
         InputError: there are fewer than two steps, or a code has another length.
     """
-    require_two(steps)
+    if steps < 2:
+        raise InputError(f"an interpolation of {steps} steps has no two ends; give at least 2")
     for fraction in torch.linspace(0, 1, steps).tolist():
         yield interpolated_solid(shapes, (1 - fraction) * first + fraction * second, fraction, resolution)
 
@@ -70,13 +71,3 @@ def interpolated_solid(shapes: DeepSdf, code: Tensor, fraction: float, resolutio
     except InputError:
         return InterpolatedSolid(fraction, None, 0, False)
     return InterpolatedSolid(fraction, mesh, int(mesh.body_count), bool(mesh.is_watertight))
-
-
-def require_two(steps: int) -> None:
-    """Check that an interpolation has two ends.
-
-    Raises:
-        InputError: it does not.
-    """
-    if steps < 2:
-        raise InputError(f"an interpolation of {steps} steps has no two ends; give at least 2")

@@ -25,7 +25,9 @@ SCENE_SUFFIXES = (".yaml", ".yml")
 SCENE_RESOLUTION = 256  # cells of the mesh of a scene's surface
 
 
-def load_target(path: Path, up: Literal["y", "z"] | None, samples: int, seed: int) -> tuple[SirenTarget, ExactShape | None]:
+def load_target(
+    path: Path, up: Literal["y", "z"] | None, samples: int, seed: int
+) -> tuple[SirenTarget, ExactShape | None]:
     """Samples of the input at ``path`` and its exact shape, which a point cloud does not have.
 
     Args:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, TypeVar
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from surfsup.errors import InputError
 from surfsup.scene.safe_yaml import parse_yaml
+from surfsup.scene.validation_error import format_validation_error
 
 Count = Annotated[int, Field(ge=1)]
 NonNegativeInt = Annotated[int, Field(ge=0)]
@@ -42,6 +43,21 @@ class OptimizationConfig(BaseModel):
     averaging: Decay
     validate_every: Count
     seed: NonNegativeInt = 0
+
+
+Config = TypeVar("Config", bound=OptimizationConfig)
+
+
+def parse_config(kind: type[Config], data: dict[str, Any], source: str) -> Config:
+    """The options in ``data``.
+
+    Raises:
+        InputError: a key is unknown, or a value is out of range; the message starts with ``source``.
+    """
+    try:
+        return kind.model_validate(data)
+    except ValidationError as error:
+        raise InputError(f"{source}: {format_validation_error(error, kind)}") from None
 
 
 def parse_overrides(overrides: Iterable[str]) -> dict[str, Any]:

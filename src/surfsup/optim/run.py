@@ -24,10 +24,9 @@ from surfsup.optim.checkpoint import (
     with_prefix,
     without_prefix,
 )
-from surfsup.optim.config import OptimizationConfig
+from surfsup.optim.config import Config
 from surfsup.optim.schedule import learning_rate
 
-Config = TypeVar("Config", bound=OptimizationConfig)
 Model = TypeVar("Model", bound=nn.Module)
 Batch = TypeVar("Batch")
 

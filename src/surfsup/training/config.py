@@ -11,7 +11,7 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, field_validator, model_validator
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, field_validator, model_validator
 
 from surfsup.errors import InputError
 from surfsup.learned.base import Architecture
@@ -25,10 +25,10 @@ from surfsup.optim.config import (
     NonNegativeInt,
     OptimizationConfig,
     Positive,
+    parse_config,
     parse_overrides,
 )
 from surfsup.scene.safe_yaml import parse_yaml
-from surfsup.scene.validation_error import format_validation_error
 
 Share = Annotated[float, Field(ge=0, le=1)]
 
@@ -156,11 +156,7 @@ def load_config(name: str, overrides: Iterable[str] = ()) -> TrainingConfig:
     Raises:
         InputError: there is no such preset or file, a key is unknown, or a value is out of range.
     """
-    data = load_mapping(name) | parse_overrides(overrides)
-    try:
-        return TrainingConfig.model_validate(data)
-    except ValidationError as error:
-        raise InputError(f"{name}: {format_validation_error(error, TrainingConfig)}") from None
+    return parse_config(TrainingConfig, load_mapping(name) | parse_overrides(overrides), name)
 
 
 def load_mapping(name: str) -> dict[str, Any]:

@@ -9,6 +9,7 @@ from pathlib import Path
 from surfsup.datasets.units import check_units
 from surfsup.evaluation.load_trajectories import trajectory_files
 from surfsup.evaluation.validation_scores import ValidationScores, combine_scores, score_rollouts
+from surfsup.io.atomic_file import atomic_file
 from surfsup.io.trajectory import Trajectory
 from surfsup.learned import weights_file
 from surfsup.training.run import TrainingRun
@@ -56,7 +57,5 @@ def log_scores(run: TrainingRun, scores: ValidationScores) -> None:
             rows = [row for row in list(csv.reader(file))[1:] if row and int(row[0]) < run.step]
     values = [f"{value:.6g}" for value in vars(scores).values()]
     rows.append([f"{run.step}", f"{run.seconds:.0f}", f"{run.smoothed_loss:.5f}", *values])
-    partial = log.with_suffix(".partial")
-    with partial.open("w", newline="") as file:
+    with atomic_file(log) as partial, partial.open("w", newline="") as file:
         csv.writer(file).writerows([["step", "seconds", "loss", *vars(scores)], *rows])
-    partial.replace(log)
