@@ -56,8 +56,8 @@ again = $(if $(wildcard runs/surfaces/$(1).fit/checkpoint.safetensors),--resume)
 
 # A design that is there already is gone on with; one that is finished is only looked at again.
 design: setup
-	.venv/bin/surfsup design bowl -o out/design/bowl --rivals --resume
-	.venv/bin/surfsup design funnel -o out/design/funnel --rivals --resume
+	.venv/bin/surfsup design bowl -o out/design/bowl --baselines --resume
+	.venv/bin/surfsup design funnel -o out/design/funnel --baselines --resume
 	.venv/bin/surfsup design latent -o out/design/chair --shape chair-0100 --iterations 30 --resume
 	.venv/bin/python examples/deflectors.py
 	.venv/bin/python benchmarks/design_searches.py
