@@ -29,7 +29,7 @@ test: setup docs
 	OMP_NUM_THREADS=1 .venv/bin/python -m pytest -n 2
 
 docs: .venv/ready
-	.venv/bin/mkdocs build --strict --quiet --site-dir out/site
+	NO_MKDOCS_2_WARNING=1 .venv/bin/mkdocs build --strict --quiet --site-dir out/site
 
 # Ratios are valid only if nothing else runs meanwhile.
 bench: setup
