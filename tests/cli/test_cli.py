@@ -108,7 +108,7 @@ def test_an_evaluation_writes_a_report_and_its_rollout_can_be_compared_again(tmp
         (["simulate"], "Missing argument"),
         (["simulate", "nothing.obj"], "nothing.obj"),
         (["simulate", "SCENE", "--frames", "0"], "greater than or equal to 1"),
-        (["simulate", "SCENE", "--simulator", "absent"], "there is no model 'absent'"),
+        (["simulate", "SCENE", "--simulator", "absent"], "there is no simulator 'absent'"),
         (["simulate", "SCENE", "--fit", "0.7"], "a scene file places everything itself; omit --fit"),
         (["simulate", "SCENE", "--no-fit"], "a scene file places everything itself; omit --no-fit"),
         (["simulate", "SCENE", "--up", "w"], "Invalid value for '--up'"),
