@@ -7,7 +7,7 @@ import torch
 from torch import Tensor, nn
 
 from surfsup import native
-from surfsup.native.dispatch import can_run_native
+from surfsup.native.dispatch import is_built
 from surfsup.sdf.mesh.query import MeshQuery
 
 CHUNK = 100_000  # grid nodes per query of a mesh
@@ -89,30 +89,14 @@ class SdfGrid(nn.Module):
         """``points`` (N, 3) relative to the center."""
         return points if self.center is None else points - self.center
 
-    def contains(self, points: Tensor) -> Tensor:
-        """Whether each of ``points`` (N, 3) is inside the grid, (N,)."""
-        return ((points >= self.lower) & (points <= self.upper)).all(dim=-1)
-
     def sample(self, points: Tensor) -> tuple[Tensor, Tensor]:
-        """Distance (N,) and gradient (N, 3) at ``points`` (N, 3), in their precision and differentiable in them.
+        """Distance (N,) and gradient (N, 3) at ``points`` (N, 3), differentiable in them.
 
         Beyond the grid it is the distance to the surface point nearest to the nearest border point of the grid. Apart
         from interpolation errors it is never too small, and too large by at most the size of the surface.
         """
         border = points.clamp(self.lower, self.upper)
-        distance, gradient = self.interpolate(border)
-        beyond = ~self.contains(points.detach())
-        if bool(beyond.any()):
-            away = points - border + distance[:, None] * nn.functional.normalize(gradient, dim=-1)
-            distance = torch.where(beyond, torch.linalg.vector_norm(away, dim=-1), distance)
-            gradient = torch.where(beyond[:, None], away, gradient)
-        return distance, gradient
-
-    def interpolate(self, points: Tensor) -> tuple[Tensor, Tensor]:
-        """Distance (N,) and mean gradient (N, 3) at ``points`` (N, 3) inside the grid."""
-        if can_run_native(points, dtype=torch.float64):
-            return self.interpolate_native(points)
-        position = (points - self.lower) / self.cell
+        position = (border - self.lower) / self.cell
         cell = torch.minimum(position.detach().long(), self.last_cell)
         fraction = (position - cell).float().unsqueeze(-1)
         sides = torch.cat([1 - fraction, fraction], dim=-1)
@@ -121,22 +105,40 @@ class SdfGrid(nn.Module):
         corners = self.table[(cell * self.stride).sum(dim=-1)[:, None] + self.corner_offsets]
         mean = torch.einsum("nk,nkc->nc", weight.reshape(-1, 8), corners).to(points.dtype)
         gradient = mean[:, 1:]
-        return mean[:, 0] + 0.5 * (self.offset(points) * gradient).sum(dim=-1), gradient
-
-    def interpolate_native(self, points: Tensor) -> tuple[Tensor, Tensor]:
-        """The same for points in double precision by the native code."""
-        points = points.detach().contiguous()
-        distance, gradient = points.new_empty(len(points)), torch.empty_like(points)
-        native.interpolate_grid(
-            self.native_arguments(), points.numpy(), distance.numpy(), gradient.numpy(), torch.get_num_threads()
-        )
+        distance = mean[:, 0] + 0.5 * (self.offset(border) * gradient).sum(dim=-1)
+        beyond = (points - border).detach().ne(0).any(dim=-1)
+        if bool(beyond.any()):
+            away = points - border + distance[:, None] * nn.functional.normalize(gradient, dim=-1)
+            distance = torch.where(beyond, torch.linalg.vector_norm(away, dim=-1), distance)
+            gradient = torch.where(beyond[:, None], away, gradient)
         return distance, gradient
 
-    def nearest_node(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Distance (N,) from ``points`` (N, 3) inside the grid to the nearest node, and the index (N,) of that node.
+    # The methods below are for meshes: double precision on the CPU, without gradients. They use NumPy, since torch's
+    # threads cost more than they save on arrays this small.
 
-        NumPy is faster than torch on arrays of a few points, which this is for.
-        """
+    def interpolate(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Distance (N,) and mean gradient (N, 3) at ``points`` (N, 3) float64 inside the grid."""
+        if is_built():
+            points = np.ascontiguousarray(points)
+            distance, gradient = np.empty(len(points)), np.empty_like(points)
+            native.interpolate_grid(self.native_arguments(), points, distance, gradient, torch.get_num_threads())
+            return distance, gradient
+        position = (points - self.lower.numpy()) / self.cell
+        cell = np.minimum(position.astype(np.int64), self.last_cell.numpy())
+        fraction = (position - cell).astype(np.float32)
+        x, y, z = np.stack([1 - fraction, fraction], axis=-1).transpose(1, 0, 2)
+        weight = (x[:, :, None, None] * y[:, None, :, None] * z[:, None, None, :]).reshape(-1, 1, 8)
+        corners = self.table.numpy()[(cell @ self.stride.numpy())[:, None] + self.corner_offsets.numpy()]
+        mean = np.matmul(weight, corners)[:, 0].astype(np.float64)
+        gradient = mean[:, 1:]
+        return mean[:, 0] + 0.5 * (self.offset(torch.from_numpy(points)).numpy() * gradient).sum(axis=1), gradient
+
+    def contains(self, points: np.ndarray) -> np.ndarray:
+        """Whether each of ``points`` (N, 3) is inside the grid, (N,)."""
+        return np.all((points >= self.lower.numpy()) & (points <= self.upper.numpy()), axis=1)
+
+    def nearest_node(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Distance (N,) from ``points`` (N, 3) inside the grid to the nearest node, and the index (N,) of that node."""
         position = (points - self.lower.numpy()) / self.cell
         node = position.round()
         return np.linalg.norm(position - node, axis=1) * self.cell, node.astype(np.int64) @ self.stride.numpy()
