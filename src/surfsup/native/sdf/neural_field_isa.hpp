@@ -32,7 +32,7 @@ inline void sine_and_cosine(Floats x, Floats& sine, Floats& cosine) {
     cosine = ((quadrant + 1) & 2) != 0 ? -unsigned_cosine : unsigned_cosine;
 }
 
-constexpr int MAX_VECTORS = 3;     // vectors of points that pass through a network side by side
+constexpr int MAX_VECTORS = 3;    // vectors of points that pass through a network side by side
 constexpr int CHANNEL_BLOCK = 4;  // channels computed at once: 4 x 3 sums fit 16 registers
 
 // For every channel, the sum over `inputs` of weights times rows of VECTORS vectors. Calls `use(channel, vector, sum)` for each
