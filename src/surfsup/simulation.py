@@ -74,7 +74,7 @@ class Simulation:
         scene: surface, fluid, container and gravity.
         simulator: ``dfsph`` for the solver, the name of shipped weights such as ``surfsup``, the path of a weights
             file, or a simulator object.
-        device: ``cpu`` or ``cuda``; a GPU is used if there is one and nothing is given.
+        device: ``cpu`` or ``cuda``; by default a GPU if there is one.
         handle_collisions: whether collision handling keeps particles out of solid and walls.
         particles: of the first frame, instead of those of the scene's fluid.
 
@@ -154,13 +154,13 @@ class Simulation:
         return self.frame
 
     def run(self, seconds: float | None = None, fps: float | None = None) -> Iterator[Frame]:
-        """Yield the present frame and those after it for a while, then leave the simulation at the end of that time.
+        """Yield the present frame and those of the next ``seconds``; afterwards the state is the one at their end.
 
         Frames between two steps are interpolated by cubic Hermite splines through positions and velocities, and moved
         out of the solid where the spline enters it.
 
         Args:
-            seconds: simulated time; by default the number of frames of the scene.
+            seconds: simulated time; by default the scene's frames of 0.005 s.
             fps: frames per second, at most 200; by default every step is a frame.
 
         Raises:
