@@ -32,7 +32,7 @@ class Frame:
         positions: (N, 3) float32, meters.
         velocities: (N, 3) float32, m/s.
 
-    Example:
+    Examples:
         >>> import surfsup as sf
         >>> scene = sf.Scene(fluid=[sf.Block((-0.1, -0.1, 0.5), (0.1, 0.1, 0.7))])
         >>> frame = sf.Simulation(scene).step()
@@ -53,7 +53,7 @@ class SimulationState:
         frame: number of steps since the start of the scene.
         fluid: the simulator's own state, with tensors ``positions`` and ``velocities`` (N, 3).
 
-    Example:
+    Examples:
         >>> import surfsup as sf
         >>> simulation = sf.Simulation(sf.Scene(fluid=[sf.Block((-0.1, -0.1, 0.5), (0.1, 0.1, 0.7))]))
         >>> before = simulation.state
@@ -87,7 +87,7 @@ class Simulation:
     Raises:
         InputError: simulator, device or a file of the scene cannot be used, or no particle is left.
 
-    Example:
+    Examples:
         >>> import surfsup as sf
         >>> ball = sf.Transformed(sf.Sphere(0.2), translation=(0, 0, 0.2))
         >>> scene = sf.Scene(surface=ball, fluid=[sf.Block((-0.1, -0.1, 0.5), (0.1, 0.1, 0.7))])
