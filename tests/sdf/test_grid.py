@@ -9,7 +9,8 @@ import torch
 
 from surfsup import native
 from surfsup.sdf import Torus
-from surfsup.sdf.grid import SdfGrid, mesh_distances
+from surfsup.sdf.grid import SdfGrid
+from surfsup.sdf.mesh.grid_distances import mesh_distances, mesh_grid
 from surfsup.sdf.mesh.query import MeshQuery
 from tests.sdf.solids import fine_mesh, sphere_grid
 
@@ -23,7 +24,7 @@ def query():
 
 @pytest.fixture(scope="module")
 def torus_grid(query):
-    return SdfGrid.from_mesh(query, 0.04, margin=0.1)
+    return mesh_grid(query, 0.04, margin=0.1)
 
 
 def points_in(grid, count=2000):

@@ -8,7 +8,6 @@ from torch import Tensor, nn
 
 from surfsup import native
 from surfsup.native.dispatch import is_built
-from surfsup.sdf.mesh.query import MeshQuery
 
 CHUNK = 100_000  # grid nodes per query of a mesh
 NativeGrid = tuple[np.ndarray, tuple[float, ...], tuple[float, ...], float, tuple[int, ...]]
@@ -68,13 +67,6 @@ class SdfGrid(nn.Module):
         distance = distance.float()
         gradient = torch.stack(torch.gradient(distance, spacing=float(cell)), dim=-1)
         return cls(distance, gradient, lower.float(), cell)
-
-    @classmethod
-    def from_mesh(cls, query: MeshQuery, cell: float, margin: float) -> SdfGrid:
-        """A grid of exact distances and gradients for queries in double precision, see :func:`mesh_distances`."""
-        distance, gradient, lower = mesh_distances(query, cell, margin)
-        size = torch.from_numpy(np.ptp(query.vertices, axis=0) + 2 * margin)
-        return cls(distance, gradient, lower, cell, center=lower + size / 2)
 
     def nodes(self) -> Tensor:
         """The positions of the nodes (X · Y · Z, 3)."""
@@ -151,23 +143,3 @@ def grid_nodes(lower: Tensor, cell: float, shape: tuple[int, ...]) -> Tensor:
         for low, count in zip(lower, shape, strict=True)
     ]
     return torch.stack(torch.meshgrid(*axes, indexing="ij"), dim=-1).reshape(-1, 3)
-
-
-def mesh_distances(query: MeshQuery, cell: float, margin: float) -> tuple[Tensor, Tensor, Tensor]:
-    """Exact signed distances to a mesh at the nodes of a grid that extends ``margin`` beyond its box.
-
-    Returns:
-        Distances (X, Y, Z), gradients (X, Y, Z, 3) and the first node (3,), float64.
-    """
-    lower = torch.from_numpy(query.vertices.min(axis=0) - margin)
-    shape = tuple(np.ceil((np.ptp(query.vertices, axis=0) + 2 * margin) / cell).astype(int).tolist())
-    shape = tuple(count + 1 for count in shape)
-    nodes = grid_nodes(lower, cell, shape).numpy()
-    signed, gradients = [], []
-    for part in np.array_split(nodes, max(1, len(nodes) // CHUNK)):
-        distance, face, closest = query.nearest(part)
-        inside = query.inside(part)
-        signed.append(np.where(inside, -distance, distance))
-        gradients.append(query.normal(part, distance, face, closest, inside))
-    distances, normals = (torch.from_numpy(np.concatenate(parts)) for parts in (signed, gradients))
-    return distances.reshape(shape), normals.reshape(*shape, 3), lower

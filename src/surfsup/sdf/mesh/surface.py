@@ -12,6 +12,7 @@ from surfsup import native
 from surfsup.errors import InputError
 from surfsup.native.dispatch import is_built
 from surfsup.sdf.grid import SdfGrid
+from surfsup.sdf.mesh.grid_distances import mesh_grid
 from surfsup.sdf.mesh.query import ON_SURFACE, MeshQuery, unit
 from surfsup.sdf.native_query import distance_and_normal_native, distance_native
 from surfsup.sdf.surface import Surface
@@ -191,8 +192,8 @@ class MeshSurface(Surface):
         """The fine grid around the mesh and the coarse one around that, built at the first call."""
         if self.grids is None:
             cell = self.query.extent / self.cells
-            fine = SdfGrid.from_mesh(self.query, cell, margin=FINE_MARGIN * cell)
-            coarse = SdfGrid.from_mesh(self.query, COARSENING * cell, margin=self.query.extent)
+            fine = mesh_grid(self.query, cell, margin=FINE_MARGIN * cell)
+            coarse = mesh_grid(self.query, COARSENING * cell, margin=self.query.extent)
             self.grids = (fine, coarse)
         return self.grids
 
