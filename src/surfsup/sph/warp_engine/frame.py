@@ -1,0 +1,281 @@
+"""A frame of the solver in Warp, as one differentiable operation of torch."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+import torch
+import warp as wp
+from torch import Tensor
+from torch.autograd.function import once_differentiable
+
+from surfsup.scene import FRAME_TIME
+from surfsup.sph.boundary.boundary_map import BoundaryMap
+from surfsup.sph.boundary.density import plane_fraction_table
+from surfsup.sph.boundary.shape_functions import CELL_NODES, local_coordinates
+from surfsup.sph.boundary.walls import wall_cells
+from surfsup.sph.environment import Environment
+from surfsup.sph.state import SUBSTEPS
+from surfsup.sph.warp_engine.adjoint import adjoint_kernels
+from surfsup.sph.warp_engine.boundary import NO_SOLID, PLANE, VOLUME_MAP, boundary_kernels
+from surfsup.sph.warp_engine.neighbors import NeighborTable, find_neighbor_table
+from surfsup.sph.warp_engine.runtime import Precision, clear_errors, stream_of
+from surfsup.sph.warp_engine.substeps import substep_kernels
+from surfsup.sph.warp_engine.transfer import transfer_kernels
+
+
+@dataclass(frozen=True)
+class Boundary:
+    """Container and solid as the kernels take them: the inputs of ``evaluate_boundary`` behind the particles'.
+
+    Attributes:
+        solid: ``NO_SOLID``, ``PLANE`` or ``VOLUME_MAP``.
+        inputs: from ``lower`` to ``nodes``.
+    """
+
+    solid: int
+    inputs: list[Any]
+
+
+def boundary_of(environment: Environment, precision: Precision, device: torch.device, dtype: torch.dtype) -> Boundary:
+    """The boundary of an environment."""
+    real, vec3 = precision.real, precision.vec3
+    lower, upper = environment.lower.detach(), environment.upper.detach()
+    corners = [vec3(*value.tolist()) for value in (lower, upper, wall_cells(lower, upper))]
+    table, places = tables_on(precision, device, dtype)
+    volume_map = boundary_kernels(precision).Map()
+    if environment.boundary_map is None:
+        solid = NO_SOLID if environment.surface is None else PLANE
+        cell_indices, nodes = None, None
+    else:
+        solid = VOLUME_MAP
+        fill_map(volume_map, environment.boundary_map, precision)
+        *_, indices, values = environment.boundary_map.tables.on(device, dtype)
+        cell_indices = wp.from_torch(indices, dtype=wp.int32)
+        nodes = wp.from_torch(values.flatten(1), dtype=real)
+    return Boundary(solid, [*corners, table, solid, volume_map, places, cell_indices, nodes])
+
+
+def fill_map(struct: Any, boundary_map: BoundaryMap, precision: Precision) -> None:
+    """Write the grid of a volume map into the kernels' struct."""
+    tables = boundary_map.tables
+    struct.lower, struct.cell = precision.vec3(*tables.lower.tolist()), precision.vec3(*tables.cell.tolist())
+    struct.rotation = precision.mat33(*boundary_map.rotation.ravel().tolist())
+    struct.resolution = wp.vec3i(*tables.resolution.tolist())
+
+
+@cache
+def tables_on(precision: Precision, device: torch.device, dtype: torch.dtype) -> tuple[wp.array, wp.array]:
+    """The volume fractions of a plane solid, and the places of a map cell's nodes."""
+    places = torch.from_numpy(local_coordinates(CELL_NODES)).to(device, dtype)
+    table = torch.from_numpy(plane_fraction_table()).to(device, dtype)
+    return wp.from_torch(table, dtype=precision.real), wp.from_torch(places, dtype=precision.vec3)
+
+
+class Frame:
+    """One frame: its particles sorted by cell, and what its backward pass reads of every substep.
+
+    Args:
+        positions, velocities, predicted: (N, 3) in the caller's order, contiguous, without gradients.
+        distance: (N,) of a plane solid at the predicted positions, meters; unused with a volume map or no solid.
+        normal: (N, 3) of a plane solid there.
+        boundary: container and solid.
+        gravity: (3,), m/s².
+        keep: whether to keep what the backward pass reads.
+
+    Raises:
+        SimulationError: a position is not finite, or the particles have collapsed into a clump.
+    """
+
+    def __init__(
+        self,
+        positions: Tensor,
+        velocities: Tensor,
+        predicted: Tensor,
+        distance: Tensor | None,
+        normal: Tensor | None,
+        boundary: Boundary,
+        gravity: Tensor,
+        keep: bool,
+    ) -> None:
+        self.precision = Precision.of(positions.dtype)
+        self.boundary, self.keep = boundary, keep
+        self.plane = int(boundary.solid == PLANE)
+        real, vec3 = self.precision.real, self.precision.vec3
+        vectors = [wp.from_torch(value, dtype=vec3) for value in (positions, velocities, predicted)]
+        self.count, self.device = len(positions), vectors[0].device
+        self.gravity = vec3(*gravity.tolist())
+        self.table = find_neighbor_table(vectors[0], vectors[2], self.precision)
+        solid = [None, None] if not self.plane else [wp.from_torch(distance, dtype=real), wp.from_torch(normal, dtype=vec3)]
+        first = self.vectors(), self.vectors()
+        self.solid = [self.vectors(), self.reals(), self.vectors()] if self.plane else [None, None, None]
+        self.near_solid = wp.empty(self.count, dtype=int, device=self.device)
+        self.rest_density = self.reals()
+        self.launch(
+            transfer_kernels(self.precision).sort_particles,
+            [self.table.order, *vectors, *solid, self.plane],
+            [*first, *self.solid, self.near_solid],
+        )
+        self.substeps: list[Substep] = []
+        self.delta_velocity, self.delta_position = self.vectors(zero=True), self.vectors(zero=True)
+        self.run(*first)
+        self.end = torch.empty_like(positions), torch.empty_like(velocities)
+        fallen = vec3(*(FRAME_TIME * gravity).tolist())
+        self.launch(
+            transfer_kernels(self.precision).finish_particles,
+            [self.table.order, vectors[2], vectors[1], fallen, self.delta_position, self.delta_velocity],
+            [wp.from_torch(value, dtype=vec3) for value in self.end],
+        )
+
+    def run(self, positions: wp.array, velocities: wp.array) -> None:
+        """The substeps."""
+        kernels, boundary_kernel = substep_kernels(self.precision), boundary_kernels(self.precision).evaluate_boundary
+        neighbors = [self.table.neighbors, self.table.counts]
+        factors = wp.empty_like(self.table.neighbors) if False else wp.empty(
+            self.table.neighbors.shape, dtype=self.precision.real, device=self.device
+        )
+        for number in range(SUBSTEPS):
+            substep = Substep(self, positions, velocities)
+            self.launch(boundary_kernel, [positions, *self.solid, *self.boundary.inputs], substep.boundary)
+            self.launch(
+                kernels.compute_pressures,
+                [positions, velocities, *neighbors, *substep.boundary, self.near_solid, self.gravity, number],
+                [self.rest_density, factors, *substep.results],
+            )
+            density, _, density_gradient, _, viscous, pressure = substep.results
+            positions, velocities = self.vectors(), self.vectors()
+            self.launch(
+                kernels.apply_pressures,
+                [substep.positions, substep.velocities, *neighbors, factors, pressure, density, density_gradient, viscous]
+                + [self.gravity, number],
+                [self.delta_velocity, self.delta_position, positions, velocities],
+            )
+            self.substeps = [*self.substeps, substep] if self.keep else [substep]
+
+    def backward(self, of_positions: Tensor, of_velocities: Tensor) -> tuple[Tensor | None, ...]:
+        """Derivatives in positions, velocities, distance and normal, from those in the frame's end."""
+        kernels, transfer = adjoint_kernels(self.precision), transfer_kernels(self.precision)
+        boundary_kernel = boundary_kernels(self.precision).evaluate_boundary
+        vec3 = self.precision.vec3
+        adjoints = []
+        for values in (of_positions, of_velocities):
+            adjoints.append(self.vectors())
+            self.launch(
+                transfer.sort_vectors,
+                [self.table.order, wp.from_torch(values.contiguous(), dtype=vec3)],
+                [adjoints[-1]],
+            )
+        no_adjoint = [None if isinstance(value, wp.array) else value for value in self.boundary.inputs]
+        neighbors = [self.table.neighbors, self.table.counts]
+        rest_adjoint = self.reals(zero=True)
+        solid_adjoint = (
+            [self.vectors(zero=True), self.reals(zero=True), self.vectors(zero=True)] if self.plane else [None, None, None]
+        )
+        change, own_velocity, of_gradient, of_friction = (self.vectors() for _ in range(4))
+        of_value, of_squares, of_approach, of_boundary = (self.reals() for _ in range(4))
+        of_boundary_gradient = self.vectors()
+        sums = [change, own_velocity, of_value, of_gradient, of_squares, of_approach, of_friction]
+        for number in reversed(range(SUBSTEPS)):
+            substep = self.substeps[number]
+            motion = [substep.positions, substep.velocities]
+            pressure = substep.results[-1]
+            self.launch(
+                kernels.pressure_adjoint,
+                [*motion, *neighbors, substep.boundary[1], self.near_solid, self.rest_density, *substep.results]
+                + [self.gravity, number, *adjoints],
+                [rest_adjoint, *sums, of_boundary, of_boundary_gradient],
+            )
+            through_boundary = self.vectors(zero=True)
+            wp.launch(
+                boundary_kernel,
+                self.count,
+                [substep.positions, *self.solid, *self.boundary.inputs],
+                substep.boundary,
+                adj_inputs=[through_boundary, *solid_adjoint, *no_adjoint],
+                adj_outputs=[of_boundary, of_boundary_gradient],
+                adjoint=True,
+                device=self.device,
+            )
+            following = [self.vectors(), self.vectors()]
+            self.launch(
+                kernels.motion_adjoint,
+                [*motion, *neighbors, pressure, *sums, through_boundary, adjoints[0]],
+                following,
+            )
+            adjoints = following
+        found = [torch.empty_like(of_positions, memory_format=torch.contiguous_format) for _ in range(2)]
+        in_solid: list[Tensor | None] = [None, None]
+        if self.plane:
+            in_solid = [torch.empty_like(found[0][:, 0]).contiguous(), torch.empty_like(found[0])]
+        targets = [None if value is None else wp.from_torch(value, dtype=dtype) for value, dtype in zip(
+            [*found, *in_solid], [vec3, vec3, self.precision.real, vec3], strict=True)]
+        self.launch(
+            transfer.unsort_adjoints,
+            [self.table.order, *adjoints, *solid_adjoint, self.plane, self.precision.real(FRAME_TIME)],
+            targets,
+        )
+        return *found, *in_solid
+
+    def vectors(self, zero: bool = False) -> wp.array:
+        """An array (N,) of vectors."""
+        return (wp.zeros if zero else wp.empty)(self.count, dtype=self.precision.vec3, device=self.device)
+
+    def reals(self, zero: bool = False) -> wp.array:
+        """An array (N,) of numbers."""
+        return (wp.zeros if zero else wp.empty)(self.count, dtype=self.precision.real, device=self.device)
+
+    def launch(self, kernel: wp.Kernel, inputs: list[Any], outputs: list[Any]) -> None:
+        """Run a kernel for every particle."""
+        wp.launch(kernel, self.count, inputs, outputs, device=self.device)
+
+
+class Substep:
+    """The arrays of a substep, sorted by cell.
+
+    Attributes:
+        positions, velocities: (N,) vectors at its start.
+        boundary: density (N,) of solid and walls, and its gradient.
+        results: density, density rate, density gradient, sum of squared gradients, viscous sum and pressure (N,).
+    """
+
+    def __init__(self, frame: Frame, positions: wp.array, velocities: wp.array) -> None:
+        self.positions, self.velocities = positions, velocities
+        self.boundary = [frame.reals(), frame.vectors()]
+        self.results = [
+            frame.reals(),
+            frame.reals(),
+            frame.vectors(),
+            frame.reals(),
+            frame.vectors(),
+            frame.reals(),
+        ]
+
+
+class DifferentiableFrame(torch.autograd.Function):
+    """A frame as an operation of torch."""
+
+    @staticmethod
+    def forward(
+        ctx: Any,
+        positions: Tensor,
+        velocities: Tensor,
+        distance: Tensor | None,
+        normal: Tensor | None,
+        predicted: Tensor,
+        boundary: Boundary,
+        gravity: Tensor,
+    ) -> tuple[Tensor, Tensor]:
+        """Positions and velocities (N, 3) at the frame's end."""
+        keep = any(ctx.needs_input_grad)
+        inputs = [None if value is None else value.detach().contiguous() for value in (positions, velocities, predicted, distance, normal)]
+        frame = Frame(*inputs, boundary, gravity, keep)
+        ctx.frame = frame if keep else None
+        return frame.end
+
+    @staticmethod
+    @once_differentiable
+    def backward(ctx: Any, of_positions: Tensor, of_velocities: Tensor) -> tuple[Tensor | None, ...]:
+        """Derivatives in positions, velocities, distance and normal."""
+        return *ctx.frame.backward(of_positions, of_velocities), None, None, None
