@@ -194,4 +194,8 @@ def adjoint_kernels(precision: Precision) -> SimpleNamespace:
         new_position_adjoint[i] = position_adjoint[i] + of_boundary[i] - shrink * in_position
         new_velocity_adjoint[i] = own_velocity[i] - in_velocity
 
-    return SimpleNamespace(pressure_adjoint=pressure_adjoint, motion_adjoint=motion_adjoint)
+    return SimpleNamespace(
+        kernels=[pressure_adjoint, motion_adjoint],
+        pressure_adjoint=pressure_adjoint,
+        motion_adjoint=motion_adjoint,
+    )

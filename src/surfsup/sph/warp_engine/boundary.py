@@ -53,7 +53,7 @@ def boundary_kernels(precision: Precision) -> SimpleNamespace:
     def plane_fraction(distance: real, table: wp.array(dtype=real)) -> real:
         """Volume fraction of a plane solid at a signed distance."""
         place = wp.clamp((distance - min_depth) / fraction_step, zero, last_place)
-        low = wp.min(int(place), entries - 2)
+        low = wp.clamp(int(place), 0, entries - 2)
         part = place - real(low)
         return table[low] * (one - part) + table[low + 1] * part
 
@@ -279,7 +279,7 @@ def boundary_kernels(precision: Precision) -> SimpleNamespace:
             # Without a map the solid is a plane through its nearest point, as seen from the predicted position.
             normal = solid_normal[i]
             distance = solid_distance[i] + wp.dot(position - predicted[i], normal)
-            if distance < support:
+            if not distance >= support:  # NaN stays NaN
                 fraction = plane_fraction(distance, table)
                 total += solid_density(distance, fraction)
                 slopes -= solid_slope(distance, fraction) * normal
@@ -292,4 +292,8 @@ def boundary_kernels(precision: Precision) -> SimpleNamespace:
         density[i] = total
         gradient[i] = slopes
 
-    return SimpleNamespace(evaluate_boundary=evaluate_boundary, Map=Map)
+    return SimpleNamespace(
+        kernels=[evaluate_boundary],
+        evaluate_boundary=evaluate_boundary,
+        Map=Map,
+    )

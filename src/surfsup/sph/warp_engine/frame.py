@@ -20,8 +20,8 @@ from surfsup.sph.environment import Environment
 from surfsup.sph.state import SUBSTEPS
 from surfsup.sph.warp_engine.adjoint import adjoint_kernels
 from surfsup.sph.warp_engine.boundary import NO_SOLID, PLANE, VOLUME_MAP, boundary_kernels
-from surfsup.sph.warp_engine.neighbors import NeighborTable, find_neighbor_table
-from surfsup.sph.warp_engine.runtime import Precision, clear_errors, stream_of
+from surfsup.sph.warp_engine.neighbors import empty_table, find_neighbor_table
+from surfsup.sph.warp_engine.runtime import Precision, on_stream, precision_of
 from surfsup.sph.warp_engine.substeps import substep_kernels
 from surfsup.sph.warp_engine.transfer import transfer_kernels
 
@@ -39,8 +39,9 @@ class Boundary:
     inputs: list[Any]
 
 
-def boundary_of(environment: Environment, precision: Precision, device: torch.device, dtype: torch.dtype) -> Boundary:
-    """The boundary of an environment."""
+def boundary_of(environment: Environment, precision: Precision, like: Tensor) -> Boundary:
+    """The boundary of an environment, on the device and in the precision of ``like``."""
+    device, dtype = like.device, like.dtype
     real, vec3 = precision.real, precision.vec3
     lower, upper = environment.lower.detach(), environment.upper.detach()
     corners = [vec3(*value.tolist()) for value in (lower, upper, wall_cells(lower, upper))]
@@ -78,7 +79,7 @@ class Frame:
     """One frame: its particles sorted by cell, and what its backward pass reads of every substep.
 
     Args:
-        positions, velocities, predicted: (N, 3) in the caller's order, contiguous, without gradients.
+        positions, velocities, predicted: (N, 3) in the caller's order.
         distance: (N,) of a plane solid at the predicted positions, meters; unused with a volume map or no solid.
         normal: (N, 3) of a plane solid there.
         boundary: container and solid.
@@ -98,17 +99,18 @@ class Frame:
         normal: Tensor | None,
         boundary: Boundary,
         gravity: Tensor,
-        keep: bool,
+        keep: bool = False,
     ) -> None:
-        self.precision = Precision.of(positions.dtype)
+        self.precision = precision_of(positions.dtype)
         self.boundary, self.keep = boundary, keep
         self.plane = int(boundary.solid == PLANE)
         real, vec3 = self.precision.real, self.precision.vec3
-        vectors = [wp.from_torch(value, dtype=vec3) for value in (positions, velocities, predicted)]
+        vectors = [warp_array(value, vec3) for value in (positions, velocities, predicted)]
         self.count, self.device = len(positions), vectors[0].device
+        self.dtype, self.torch_device = positions.dtype, positions.device
         self.gravity = vec3(*gravity.tolist())
         self.table = find_neighbor_table(vectors[0], vectors[2], self.precision)
-        solid = [None, None] if not self.plane else [wp.from_torch(distance, dtype=real), wp.from_torch(normal, dtype=vec3)]
+        solid = [warp_array(distance, real), warp_array(normal, vec3)] if self.plane else [None, None]
         first = self.vectors(), self.vectors()
         self.solid = [self.vectors(), self.reals(), self.vectors()] if self.plane else [None, None, None]
         self.near_solid = wp.empty(self.count, dtype=int, device=self.device)
@@ -121,21 +123,24 @@ class Frame:
         self.substeps: list[Substep] = []
         self.delta_velocity, self.delta_position = self.vectors(zero=True), self.vectors(zero=True)
         self.run(*first)
-        self.end = torch.empty_like(positions), torch.empty_like(velocities)
         fallen = vec3(*(FRAME_TIME * gravity).tolist())
+        self.ballistic = [vectors[2], vectors[1], fallen]
+
+    def end(self) -> tuple[Tensor, Tensor]:
+        """Positions and velocities (N, 3) at the frame's end, in the caller's order."""
+        found = self.unsorted(), self.unsorted()
         self.launch(
             transfer_kernels(self.precision).finish_particles,
-            [self.table.order, vectors[2], vectors[1], fallen, self.delta_position, self.delta_velocity],
-            [wp.from_torch(value, dtype=vec3) for value in self.end],
+            [self.table.order, *self.ballistic, self.delta_position, self.delta_velocity],
+            [wp.from_torch(value, dtype=self.precision.vec3) for value in found],
         )
+        return found
 
     def run(self, positions: wp.array, velocities: wp.array) -> None:
         """The substeps."""
         kernels, boundary_kernel = substep_kernels(self.precision), boundary_kernels(self.precision).evaluate_boundary
         neighbors = [self.table.neighbors, self.table.counts]
-        factors = wp.empty_like(self.table.neighbors) if False else wp.empty(
-            self.table.neighbors.shape, dtype=self.precision.real, device=self.device
-        )
+        factors = empty_table(*self.table.neighbors.shape, self.precision.real, self.device)
         for number in range(SUBSTEPS):
             substep = Substep(self, positions, velocities)
             self.launch(boundary_kernel, [positions, *self.solid, *self.boundary.inputs], substep.boundary)
@@ -154,6 +159,26 @@ class Frame:
             )
             self.substeps = [*self.substeps, substep] if self.keep else [substep]
 
+    def record(self) -> FrameRecord:
+        """The last substep in the caller's order."""
+        substep, vec3 = self.substeps[-1], self.precision.vec3
+        difference = self.vectors()
+        self.launch(
+            substep_kernels(self.precision).sum_velocity_differences,
+            [substep.positions, substep.velocities, self.table.neighbors, self.table.counts],
+            [difference],
+        )
+        order = wp.to_torch(self.table.order).long()
+        density, density_rate, density_gradient, squared_gradient, *_ = substep.results
+        values = [substep.positions, density, density_rate, density_gradient, squared_gradient, *substep.boundary]
+        values += [self.rest_density, difference]
+        found = []
+        for value in values:
+            target = self.unsorted(3 if value.dtype is vec3 else 1)
+            target[order] = wp.to_torch(value)
+            found.append(target)
+        return FrameRecord(*found)
+
     def backward(self, of_positions: Tensor, of_velocities: Tensor) -> tuple[Tensor | None, ...]:
         """Derivatives in positions, velocities, distance and normal, from those in the frame's end."""
         kernels, transfer = adjoint_kernels(self.precision), transfer_kernels(self.precision)
@@ -164,7 +189,7 @@ class Frame:
             adjoints.append(self.vectors())
             self.launch(
                 transfer.sort_vectors,
-                [self.table.order, wp.from_torch(values.contiguous(), dtype=vec3)],
+                [self.table.order, warp_array(values, vec3)],
                 [adjoints[-1]],
             )
         no_adjoint = [None if isinstance(value, wp.array) else value for value in self.boundary.inputs]
@@ -205,10 +230,10 @@ class Frame:
                 following,
             )
             adjoints = following
-        found = [torch.empty_like(of_positions, memory_format=torch.contiguous_format) for _ in range(2)]
+        found = [self.unsorted(), self.unsorted()]
         in_solid: list[Tensor | None] = [None, None]
         if self.plane:
-            in_solid = [torch.empty_like(found[0][:, 0]).contiguous(), torch.empty_like(found[0])]
+            in_solid = [self.unsorted(1), self.unsorted()]
         targets = [None if value is None else wp.from_torch(value, dtype=dtype) for value, dtype in zip(
             [*found, *in_solid], [vec3, vec3, self.precision.real, vec3], strict=True)]
         self.launch(
@@ -217,6 +242,11 @@ class Frame:
             targets,
         )
         return *found, *in_solid
+
+    def unsorted(self, components: int = 3) -> Tensor:
+        """An uninitialized tensor (N, components), or (N,) for one, for values in the caller's order."""
+        shape = (self.count, components) if components > 1 else (self.count,)
+        return torch.empty(shape, dtype=self.dtype, device=self.torch_device)
 
     def vectors(self, zero: bool = False) -> wp.array:
         """An array (N,) of vectors."""
@@ -253,6 +283,38 @@ class Substep:
         ]
 
 
+def warp_array(tensor: Tensor, dtype: type) -> wp.array:
+    """A tensor without its gradient as Warp takes it; it shares the memory of a contiguous one."""
+    return wp.from_torch(tensor.detach().contiguous(), dtype=dtype, requires_grad=False)
+
+
+@dataclass(frozen=True)
+class FrameRecord:
+    """The last substep in the caller's order, see :class:`surfsup.sph.dfsph.Substep`.
+
+    Attributes:
+        positions: (N, 3), meters.
+        density: (N,).
+        density_rate: (N,), 1/s.
+        density_gradient: (N, 3), 1/m.
+        squared_gradient: (N,) sum of squared kernel gradients.
+        boundary_density: (N,).
+        boundary_gradient: (N, 3), 1/m.
+        rest_density: (N,) that counts as no error.
+        velocity_difference: (N, 3), m/s.
+    """
+
+    positions: Tensor
+    density: Tensor
+    density_rate: Tensor
+    density_gradient: Tensor
+    squared_gradient: Tensor
+    boundary_density: Tensor
+    boundary_gradient: Tensor
+    rest_density: Tensor
+    velocity_difference: Tensor
+
+
 class DifferentiableFrame(torch.autograd.Function):
     """A frame as an operation of torch."""
 
@@ -268,14 +330,13 @@ class DifferentiableFrame(torch.autograd.Function):
         gravity: Tensor,
     ) -> tuple[Tensor, Tensor]:
         """Positions and velocities (N, 3) at the frame's end."""
-        keep = any(ctx.needs_input_grad)
-        inputs = [None if value is None else value.detach().contiguous() for value in (positions, velocities, predicted, distance, normal)]
-        frame = Frame(*inputs, boundary, gravity, keep)
-        ctx.frame = frame if keep else None
-        return frame.end
+        with on_stream(positions.device):
+            ctx.frame = Frame(positions, velocities, predicted, distance, normal, boundary, gravity, keep=True)
+            return ctx.frame.end()
 
     @staticmethod
     @once_differentiable
     def backward(ctx: Any, of_positions: Tensor, of_velocities: Tensor) -> tuple[Tensor | None, ...]:
         """Derivatives in positions, velocities, distance and normal."""
-        return *ctx.frame.backward(of_positions, of_velocities), None, None, None
+        with on_stream(of_positions.device):
+            return *ctx.frame.backward(of_positions, of_velocities), None, None, None

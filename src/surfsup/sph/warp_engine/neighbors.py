@@ -101,7 +101,10 @@ def search_kernels(precision: Precision) -> SimpleNamespace:
         counts[i] = found
 
     return SimpleNamespace(
-        assign_cells=assign_cells, sort_positions=sort_positions, list_neighbors=list_neighbors
+        kernels=[assign_cells, sort_positions, list_neighbors],
+        assign_cells=assign_cells,
+        sort_positions=sort_positions,
+        list_neighbors=list_neighbors,
     )
 
 
@@ -149,7 +152,7 @@ def find_neighbor_table(positions: wp.array, predicted: wp.array, precision: Pre
     counts = wp.empty(count, dtype=int, device=device)
     capacity = CAPACITY
     while True:
-        neighbors = empty_table(count, capacity, device)
+        neighbors = empty_table(count, capacity, int, device)
         wp.launch(
             kernels.list_neighbors, count, [middles, starts, side, capacity], [neighbors, counts], device=device
         )
@@ -161,8 +164,8 @@ def find_neighbor_table(positions: wp.array, predicted: wp.array, precision: Pre
         capacity = most
 
 
-def empty_table(count: int, capacity: int, device: Any) -> wp.array:
+def empty_table(count: int, capacity: int, dtype: Any, device: Any) -> wp.array:
     """An array (count, capacity), by rows on a CPU and by columns on a GPU, as each reads it fastest."""
     if device.is_cpu:
-        return wp.empty((count, capacity), dtype=int, device=device)
-    return wp.empty((capacity, count), dtype=int, device=device).transpose()
+        return wp.empty((count, capacity), dtype=dtype, device=device)
+    return wp.empty((capacity, count), dtype=dtype, device=device).transpose()

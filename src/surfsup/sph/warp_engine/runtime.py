@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from collections.abc import Iterable
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from functools import cache
 from typing import Any
@@ -13,7 +13,7 @@ import warp as wp
 
 from surfsup.errors import SimulationError
 
-wp.config.log_level = wp.LOG_WARNING  # no banner
+wp.config.log_level = wp.LOG_ERROR  # neither a banner nor a warning where there is no GPU
 
 
 @dataclass(frozen=True)
@@ -22,9 +22,9 @@ class Precision:
 
     Attributes:
         name: suffix of the modules that are compiled for it.
-        real: the number.
+        real: a number.
         vec3: three numbers.
-        mat33: a matrix.
+        mat33: three by three numbers.
     """
 
     name: str
@@ -32,50 +32,69 @@ class Precision:
     vec3: type
     mat33: type
 
-    @classmethod
-    def of(cls, dtype: torch.dtype) -> Precision:
-        """The types for a torch ``dtype``.
-
-        Raises:
-            SimulationError: it is neither single nor double precision.
-        """
-        return precision(dtype)
-
 
 @cache
-def precision(dtype: torch.dtype) -> Precision:
-    """:meth:`Precision.of`, the same object for the same ``dtype``."""
+def precision_of(dtype: torch.dtype) -> Precision:
+    """Warp's types of a ``dtype``, the same object in every call.
+
+    Raises:
+        SimulationError: it is neither single nor double precision.
+    """
     if dtype == torch.float32:
         return Precision("float32", wp.float32, wp.vec3f, wp.mat33f)
     if dtype == torch.float64:
         return Precision("float64", wp.float64, wp.vec3d, wp.mat33d)
-    raise SimulationError(f"the solver computes in single and double precision, not in {str(dtype).removeprefix('torch.')}")
+    raise SimulationError(f"the solver computes in float32 or float64, not in {str(dtype).removeprefix('torch.')}")
 
 
-def stream_of(device: torch.device) -> AbstractContextManager[Any]:
-    """Let Warp launch kernels on torch's current stream of a GPU."""
+@cache
+def start(device: str) -> None:
+    """Initialize Warp for a device of torch.
+
+    Raises:
+        SimulationError: Warp's cache cannot be written, or it finds no driver for the device.
+    """
+    try:
+        wp.init()
+        wp.get_device(device)
+    except OSError as error:
+        raise cache_error(error) from None
+    except Exception as error:
+        raise launch_error(device, error) from None
+
+
+def load_kernels(kernels: Iterable[Any], device: str) -> None:
+    """Compile the modules of ``kernels`` for a device, or read them from Warp's cache.
+
+    Raises:
+        SimulationError: Warp's cache cannot be written, or a kernel fails to compile.
+    """
+    try:
+        for module in dict.fromkeys(kernel.module for kernel in kernels):
+            module.load(wp.get_device(device))
+    except OSError as error:
+        raise cache_error(error) from None
+    except Exception as error:
+        raise launch_error(device, error) from None
+
+
+def cache_error(error: OSError) -> SimulationError:
+    """The error for a cache of compiled kernels that cannot be written."""
+    return SimulationError(
+        f"Warp cannot write its compiled kernels to {wp.config.kernel_cache_dir or 'its cache'} "
+        f"({error.strerror or error}); set WARP_CACHE_PATH to a directory that can be written"
+    )
+
+
+def launch_error(device: str, error: Exception) -> SimulationError:
+    """The error for kernels that do not compile or run on a device."""
+    reason = (str(error).strip().splitlines() or [type(error).__name__])[0]
+    way_out = "install a C++ compiler and build surfsup with it" if device == "cpu" else "try --device cpu"
+    return SimulationError(f"Warp's kernels cannot run on the device '{device}' ({reason}); {way_out}")
+
+
+def on_stream(device: torch.device) -> AbstractContextManager[Any]:
+    """Lets Warp launch on the stream that torch uses on a GPU."""
     if device.type != "cuda":
         return nullcontext()
     return wp.ScopedStream(wp.stream_from_torch(torch.cuda.current_stream(device)))
-
-
-@contextmanager
-def clear_errors(device: torch.device) -> Iterator[None]:
-    """Name the cause and the way out where Warp cannot compile, cache or launch its kernels.
-
-    Raises:
-        SimulationError: with one line.
-    """
-    try:
-        yield
-    except OSError as error:
-        raise SimulationError(
-            f"Warp cannot write its compiled kernels to {wp.config.kernel_cache_dir} ({error.strerror or error}); "
-            "set WARP_CACHE_PATH to a directory that can be written"
-        ) from None
-    except RuntimeError as error:
-        if isinstance(error, SimulationError):
-            raise
-        lines = str(error).strip().splitlines() or [type(error).__name__]
-        way_out = "" if device.type == "cpu" else "; try --device cpu"
-        raise SimulationError(f"Warp's kernels cannot run on {device} ({lines[0]}){way_out}") from None

@@ -141,4 +141,26 @@ def substep_kernels(precision: Precision) -> SimpleNamespace:
         new_velocities[i] = new_velocity
         new_positions[i] = position + time * (new_velocity + real(number + 1) * time * gravity)
 
-    return SimpleNamespace(compute_pressures=compute_pressures, apply_pressures=apply_pressures, kernel_value=kernel_value, gradient_factor=gradient_factor)
+    @wp.kernel(module=module, enable_backward=False)
+    def sum_velocity_differences(
+        positions: wp.array(dtype=vec3),
+        velocities: wp.array(dtype=vec3),
+        neighbors: wp.array2d(dtype=int),
+        counts: wp.array(dtype=int),
+        difference: wp.array(dtype=vec3),
+    ):
+        """The kernel-weighted sum of neighbors' velocities minus the particle's, which only a network reads."""
+        i = wp.tid()
+        total = vec3()
+        for k in range(counts[i]):
+            j = neighbors[i, k]
+            total += kernel_value(shrink * wp.length(positions[j] - positions[i])) * (velocities[j] - velocities[i])
+        difference[i] = total
+
+    return SimpleNamespace(
+        kernels=[compute_pressures, apply_pressures, sum_velocity_differences],
+        compute_pressures=compute_pressures,
+        apply_pressures=apply_pressures,
+        sum_velocity_differences=sum_velocity_differences,
+        gradient_factor=gradient_factor,
+    )

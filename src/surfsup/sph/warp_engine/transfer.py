@@ -92,6 +92,7 @@ def transfer_kernels(precision: Precision) -> SimpleNamespace:
         in_velocities[k] = velocity_adjoint[i] + time * through_predicted
 
     return SimpleNamespace(
+        kernels=[sort_particles, finish_particles, sort_vectors, unsort_adjoints],
         sort_particles=sort_particles,
         finish_particles=finish_particles,
         sort_vectors=sort_vectors,
