@@ -1,30 +1,37 @@
-# `make demo` and `make test` set up everything that they need, once, in .venv; see docs/install.md.
+# `make demo` and `make test` install everything that they need, once, into .venv; see docs/install.md.
 # PYTHON=/path/to/python3.12 chooses the interpreter.
 PYTHON ?=
 export PYTHON
 
-.PHONY: help demo test bench weights surfaces design setup clean
+.PHONY: help demo test docs bench corrected surfaces design setup clean
 help:
-	@echo "make demo    water on a knot: a page and a video in out/demo"
-	@echo "make test    the linter and all tests"
-	@echo "make bench   the default model's speed beside the solver's on four surfaces, its growth, its pool at rest; half an hour, alone"
-	@echo "make weights train the shipped model anew: data by the solver, then a run; hours"
-	@echo "make surfaces fit the shipped neural surfaces anew: coral, chairs, bowls; half an hour, can be started again"
-	@echo "make design  the bowl, the funnel, the chair that holds water and the three balls, in out/design; half an hour"
-	@echo "make setup   only what these two need: .venv and the system libraries"
-	@echo "make clean   remove .venv and what demo and tests left"
+	@echo "make demo     water on a knot: a page and a video in out/demo"
+	@echo "make test     style, types, import rules, all tests, and the documentation"
+	@echo "make docs     the documentation as a site in out/site"
+	@echo "make bench    speed beside the reference solver, growth with the number of particles, a pool at rest; half an hour, alone"
+	@echo "make corrected  data and training of the corrected simulator; hours, resumable"
+	@echo "make surfaces fit the shipped neural surfaces: coral, chairs, bowls; half an hour, resumable"
+	@echo "make design   bowl, funnel, chair and three balls, in out/design; half an hour, resumable"
+	@echo "make setup    only .venv and the system packages"
+	@echo "make clean    remove .venv and all output"
 
-# Without the system libraries there are no pictures, but the water and the page can still be had.
+# Without the system packages there is no video, but the simulation and the page work.
 demo: .venv/ready
-	@video=; scripts/system-libraries || video=--no-video; \
+	@video=; scripts/system-packages pictures || video=--no-video; \
 	.venv/bin/surfsup simulate examples/knot.obj -o out/demo $$video
 
-# Two processes at most, of one thread each: the threads of torch in several processes only get in each other's way.
-test: setup
+# Two processes of one thread each: more threads of torch would compete for the cores.
+test: setup docs
 	.venv/bin/python -m ruff check .
+	.venv/bin/python -m ruff format --check src tests benchmarks examples
+	.venv/bin/lint-imports
+	.venv/bin/mypy
 	OMP_NUM_THREADS=1 .venv/bin/python -m pytest -n 2
 
-# Ratios mean something only where nothing else computes meanwhile.
+docs: .venv/ready
+	NO_MKDOCS_2_WARNING=1 .venv/bin/mkdocs build --strict --quiet --site-dir out/site
+
+# Ratios are valid only if nothing else runs meanwhile.
 bench: setup
 	.venv/bin/python benchmarks/against_solver.py
 	.venv/bin/python benchmarks/against_solver.py --particles 3000 --no-torch --surface knot coral chair
@@ -32,8 +39,8 @@ bench: setup
 	.venv/bin/python benchmarks/stability.py
 	.venv/bin/python benchmarks/at_rest.py --solver
 
-# The corrected simulator, which does not ship. What is done is kept, so it can be started again.
-weights: setup
+# The corrected simulator, which does not ship.
+corrected: setup
 	.venv/bin/surfsup generate prim-shapes -o data/train -n 150 --seed 1
 	.venv/bin/surfsup generate assorted -o data/assorted-train -n 112 --seed 11
 	.venv/bin/surfsup generate tanks -o data/tanks-train -n 24 --seed 21
@@ -44,7 +51,7 @@ weights: setup
 		--data data/hills-train --data data/bowls-train --validation data/validation -o runs/corrected \
 		$(if $(wildcard runs/corrected/checkpoint.safetensors),--resume)
 
-# The surfaces that ship: see the cards in src/surfsup/sdf/neural/shipped. What is done is kept, so it can be started again.
+# The surfaces that ship: see the cards in src/surfsup/sdf/neural/shipped.
 surfaces: setup
 	.venv/bin/surfsup fit siren coral -o runs/surfaces/coral.safetensors steps=9000 $(call again,coral)
 	.venv/bin/surfsup fit deepsdf chairs --shapes 500 -o runs/surfaces/chairs.safetensors $(call again,chairs)
@@ -54,16 +61,18 @@ surfaces: setup
 
 again = $(if $(wildcard runs/surfaces/$(1).fit/checkpoint.safetensors),--resume)
 
-# A design that is there already is gone on with; one that is finished is only looked at again.
+# A design is resumed; of a finished one only figures and tables are made again.
 design: setup
-	.venv/bin/surfsup design bowl -o out/design/bowl --rivals --resume
-	.venv/bin/surfsup design funnel -o out/design/funnel --rivals --resume
+	.venv/bin/surfsup design bowl -o out/design/bowl --baselines --resume
+	.venv/bin/surfsup design funnel -o out/design/funnel --baselines --resume
 	.venv/bin/surfsup design latent -o out/design/chair --shape chair-0100 --iterations 30 --resume
 	.venv/bin/python examples/deflectors.py
 	.venv/bin/python benchmarks/design_searches.py
 
+# A compiler installed since the last set-up is noticed.
 setup: .venv/ready
-	@scripts/system-libraries
+	@if [ -e .venv/without-native ] && scripts/system-packages compiler .venv/bin/python; then scripts/setup; fi
+	@scripts/system-packages pictures
 
 .venv/ready: pyproject.toml scripts/setup $(shell find src/surfsup/native -name "*.[ch]pp" -o -name CMakeLists.txt)
 	@scripts/setup

@@ -1,4 +1,4 @@
-"""The water pictures of docs/design.md: the first and the best design, by the DFSPH solver and by the reference solver.
+"""The water pictures of docs/inverse-design.md: first and best design, by the DFSPH solver and by the reference.
 
 python benchmarks/design_picture.py out/design/bowl -o docs/images/design-bowl-water.png
 

@@ -6,6 +6,12 @@ class InputError(ValueError):
 
     The message is one line: what, where, and how to fix it. The command line prints it without a traceback and exits
     with status 2.
+
+    Example:
+        >>> import surfsup as sf
+        >>> sf.Block((0, 0, 0), (0.1, 0.1, 0.0))
+        Traceback (most recent call last):
+        surfsup.errors.InputError: ...
     """
 
 
@@ -13,4 +19,13 @@ class SimulationError(RuntimeError):
     """A simulation or a training run failed, although the input is valid.
 
     The message is one line. The command line prints it without a traceback and exits with status 1.
+
+    Example:
+        >>> import numpy as np, surfsup as sf
+        >>> scene = sf.Scene(fluid=[sf.Block((0, 0, 0.5), (0.1, 0.1, 0.6))])
+        >>> simulation = sf.Simulation(scene, device="cpu")
+        >>> simulation.particles.block_positions[0][0] = np.nan
+        >>> sf.Simulation(scene, device="cpu", particles=simulation.particles).step()
+        Traceback (most recent call last):
+        surfsup.errors.SimulationError: the simulation blew up: a particle's position is not a finite number
     """

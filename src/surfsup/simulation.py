@@ -5,12 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import torch
 
 from surfsup.errors import InputError
+from surfsup.io.trajectory import Provenance, TrajectoryWriter
 from surfsup.learned.loading import DEFAULT_SIMULATOR, load_simulator
 from surfsup.scene import FRAME_TIME, InitialParticles, Scene
 from surfsup.sph.collision import resolve_collisions
@@ -29,6 +31,13 @@ class Frame:
         time: seconds since the start of the scene.
         positions: (N, 3) float32, meters.
         velocities: (N, 3) float32, m/s.
+
+    Example:
+        >>> import surfsup as sf
+        >>> scene = sf.Scene(fluid=[sf.Block((-0.1, -0.1, 0.5), (0.1, 0.1, 0.7))])
+        >>> frame = sf.Simulation(scene).step()
+        >>> frame.time, frame.positions.shape, frame.velocities.shape
+        (0.005, (125, 3), (125, 3))
     """
 
     time: float
@@ -43,6 +52,15 @@ class SimulationState:
     Attributes:
         frame: number of steps since the start of the scene.
         fluid: the simulator's own state, with tensors ``positions`` and ``velocities`` (N, 3).
+
+    Example:
+        >>> import surfsup as sf
+        >>> simulation = sf.Simulation(sf.Scene(fluid=[sf.Block((-0.1, -0.1, 0.5), (0.1, 0.1, 0.7))]))
+        >>> before = simulation.state
+        >>> _ = simulation.step()
+        >>> simulation.reset(before)
+        >>> simulation.time
+        0.0
     """
 
     frame: int
@@ -62,7 +80,8 @@ class Simulation:
 
     Attributes:
         scene: the scene.
-        surface: its solid, or None.
+        name: of the simulator.
+        surface: the scene's solid, or None.
         particles: of the first frame.
 
     Raises:
@@ -89,6 +108,7 @@ class Simulation:
         particles: InitialParticles | None = None,
     ) -> None:
         self.scene, self.handle_collisions = scene, handle_collisions
+        self.name = simulator if isinstance(simulator, str) else type(simulator).__name__
         if isinstance(simulator, str):
             simulator, _ = load_simulator(simulator)
         self._device = choose_device(device)
@@ -152,6 +172,23 @@ class Simulation:
         if not (0 < steps < math.inf and 1 - ROUNDING <= interval < math.inf):
             raise InputError(f"seconds must be above 0 and fps above 0 and at most {1 / FRAME_TIME:g}")
         return self._frames(self._state.frame, steps, interval)
+
+    def record(self, path: str | Path, seconds: float | None = None) -> None:
+        """Run for a while and write every frame to a trajectory file.
+
+        Args:
+            path: an HDF5 file; an existing file is replaced.
+            seconds: as in :meth:`run`.
+
+        Raises:
+            InputError: the file cannot be written, or the scene has a surface that no file describes.
+            SimulationError: as :meth:`step`.
+        """
+        frames = self.run(seconds)
+        count = len(self._state.fluid.positions)
+        with TrajectoryWriter(Path(path), self.scene, Provenance(self.name), count) as writer:
+            for frame in frames:
+                writer.append(frame.positions, frame.velocities)
 
     def _frames(self, first: int, steps: float, interval: float) -> Iterator[Frame]:
         before = self._state

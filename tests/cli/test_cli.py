@@ -108,7 +108,7 @@ def test_an_evaluation_writes_a_report_and_its_rollout_can_be_compared_again(tmp
         (["simulate"], "Missing argument"),
         (["simulate", "nothing.obj"], "nothing.obj"),
         (["simulate", "SCENE", "--frames", "0"], "greater than or equal to 1"),
-        (["simulate", "SCENE", "--simulator", "absent"], "there is no model 'absent'"),
+        (["simulate", "SCENE", "--simulator", "absent"], "there is no simulator 'absent'"),
         (["simulate", "SCENE", "--fit", "0.7"], "a scene file places everything itself; omit --fit"),
         (["simulate", "SCENE", "--no-fit"], "a scene file places everything itself; omit --no-fit"),
         (["simulate", "SCENE", "--up", "w"], "Invalid value for '--up'"),
@@ -123,7 +123,10 @@ def test_an_evaluation_writes_a_report_and_its_rollout_can_be_compared_again(tmp
         (["train", "sursup", "--data", ".", "--validation", ".", "-o", "run"], "did you mean 'surfsup'"),
         (["train", "surfsup", "--data", "OTHER", "--validation", ".", "-o", "run"], "0.015 m, so take other data"),
         (["evaluate", "dfsph", "OTHER", "-o", "report"], "0.015 m, so take other data"),
-        (["evaluate", "old.safetensors", "OTHER", "-o", "report"], "is weights format 'surfsup-simulator-2' of another version"),
+        (
+            ["evaluate", "old.safetensors", "OTHER", "-o", "report"],
+            "is weights format 'surfsup-simulator-2' of another version",
+        ),
         (["compare", "OTHER/00000.h5", "OTHER/00000.h5"], "0.015 m, so take other data"),
         (["evaluate", "dfsph", ".", "--frames", "0"], "greater than or equal to 1"),
         (["train", "surfsup", "--data", ".", "--validation", ".", "-o", "run", "--time", "soon"], "length of time"),
@@ -185,7 +188,7 @@ def test_without_collisions_an_evaluation_has_its_own_folder_and_unknown_data_ca
     assert done.stderr.count("warning: falls: the weights were not trained for a surface of kind 'sphere' (2 of 2") == 1
     assert done.stderr.count("warning") == 1
     report = json.loads((tmp_path / "out/report-surfsup-no-collisions/report.json").read_text())
-    assert (report["model"]["handle_collisions"], report["limits"]) == (False, {"scenes": 2, "frames": 5})
+    assert (report["simulator"]["handle_collisions"], report["limits"]) == (False, {"scenes": 2, "frames": 5})
     assert [scene["frames"] for scene in report["scenes"]] == [5, 5]
 
 

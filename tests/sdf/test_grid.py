@@ -75,7 +75,7 @@ def normals():
 
 def test_the_nearest_node_and_its_distance(torus_grid):
     points = points_in(torus_grid, 200)
-    to_node, index = torus_grid.nearest_node(points)
+    to_node, index = (torch.from_numpy(value) for value in torus_grid.nearest_node(points.numpy()))
     every = torch.cdist(points, torus_grid.nodes())
     torch.testing.assert_close(to_node, every.amin(dim=1))
     torch.testing.assert_close(every[torch.arange(200), index], every.amin(dim=1))

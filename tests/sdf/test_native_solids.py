@@ -213,7 +213,7 @@ def test_an_error_of_a_mesh_query_in_python_is_raised(threads, monkeypatch):
     before = torch.get_num_threads()
     torch.set_num_threads(threads)
     mesh = MeshSurface(Sphere(0.3).to_mesh(16), cells=16)
-    monkeypatch.setattr(mesh, "query_points", broken)
+    monkeypatch.setattr(mesh, "query_near_node", broken)
     points = torch.tensor(mesh.query.vertices[:1], dtype=torch.float32).repeat(3000, 1)
     try:
         with pytest.raises(RuntimeError, match="the mesh is broken"):
@@ -222,19 +222,18 @@ def test_an_error_of_a_mesh_query_in_python_is_raised(threads, monkeypatch):
         torch.set_num_threads(before)
 
 
-@pytest.mark.parametrize("wrong", ["fine", "coarse", "unsigned_distance", "inside"])
+@pytest.mark.parametrize("wrong", ["fine", "coarse", "node_distance"])
 def test_grids_that_do_not_match_are_refused(wrong):
     fine, coarse = TORUS.build_grids()
     given = {
-        "triangles": TORUS.query.triangles,
+        "bvh": TORUS.query.bvh,
         "fine": fine.native_arguments(),
         "coarse": coarse.native_arguments(),
-        "unsigned_distance": fine.node_distance.flatten().abs().numpy(),
-        "inside": fine.node_distance.flatten().signbit().numpy(),
-        "near": 0.1,
-        "agree": 0.9,
-        "touching": 1e-6,
-        "rest": TORUS.write_undecided,
+        "node_distance": fine.node_distance.flatten().numpy(),
+        "mesh_range": 0.1,
+        "min_agreement": 0.9,
+        "on_surface": 1e-6,
+        "query_undecided": TORUS.write_undecided,
     }
     native.Solid.of_mesh(**given)
     value = given[wrong]
@@ -260,11 +259,11 @@ def test_a_native_solid_keeps_the_weights_it_was_made_with():
     surface = sines(16, 2)
     solid, points = surface.native_solid(), points_around(surface, 100, dtype=torch.float32).numpy()
     before, after = (np.empty(100, np.float32) for _ in range(2))
-    solid.look(points, before, None, native.instruction_sets()[0], 1)
+    solid.evaluate(points, before, None, native.instruction_sets()[0], 1)
     with torch.no_grad():
         for value in surface.network.parameters():
             value.mul_(1.1)
-    solid.look(points, after, None, native.instruction_sets()[0], 1)
+    solid.evaluate(points, after, None, native.instruction_sets()[0], 1)
     assert np.array_equal(before, after)
 
 
@@ -303,8 +302,8 @@ def test_exact_queries_of_a_network_are_not_native():
         {"layers": [(None, np.ones((5, 3), np.float32), [], None)] * 2},
         {"layers": [(None, np.ones((5, 3), np.float32), [np.ones(4, np.float32)], None)]},
         {"layers": [(None, np.ones((5, 3), np.float32), [], np.ones((5, 2), np.float32))]},
-        {"lattice": (np.ones((8, 4), np.float32), (0.0, 0.0, 0.0), 0.1, (2, 2, 3))},
-        {"lattice": (np.ones((8, 4), np.float32), (0.0, 0.0, 0.0), 0.1, (8, 1, 1))},
+        {"grid": (np.ones((8, 4), np.float32), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.1, (2, 2, 3))},
+        {"grid": (np.ones((8, 4), np.float32), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.1, (8, 1, 1))},
     ],
 )
 def test_layers_that_do_not_match_are_refused(wrong):
@@ -315,8 +314,8 @@ def test_layers_that_do_not_match_are_refused(wrong):
         "code": None,
         "frequency": 1.0,
         "octaves": 0,
-        "lattice": None,
-        "near": 0.1,
+        "grid": None,
+        "network_range": 0.1,
     }
     native.Solid.of_network(**right)
     with pytest.raises(ValueError):
@@ -338,17 +337,17 @@ def test_torch_computes_gradients_double_precision_and_unsupported_solids():
 
 
 @pytest.mark.parametrize(
-    ("kind", "numbers", "parts"),
+    ("kind", "parameters", "parts"),
     [("sphere", [], []), ("ball", [1.0], []), ("union", [], []), ("boxes", [1.0] * 16, []), ("box", [1.0] * 3, ["it"])],
 )
-def test_native_solids_with_wrong_parameters_or_parts_are_refused(kind, numbers, parts):
+def test_native_solids_with_wrong_parameters_or_parts_are_refused(kind, parameters, parts):
     with pytest.raises(ValueError, match="native"):
-        native.Solid(kind, numbers, [native.Solid("sphere", [1.0], []) for _ in parts])
+        native.Solid(kind, parameters, [native.Solid("sphere", [1.0], []) for _ in parts])
 
 
 def test_arrays_of_different_lengths_are_refused():
     with pytest.raises(ValueError, match="distance has 3 rows, but must have 2"):
-        native.Solid("sphere", [1.0], []).look(
+        native.Solid("sphere", [1.0], []).evaluate(
             np.zeros((2, 3), np.float32),
             np.zeros(3, np.float32),
             np.zeros((2, 3), np.float32),

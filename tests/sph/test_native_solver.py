@@ -189,11 +189,15 @@ def test_several_python_threads_may_share_a_solver():
 @every_isa
 @pytest.mark.parametrize("broken", [float("nan"), float("inf")])
 @pytest.mark.parametrize("name", ["positions", "velocities"])
-def test_a_state_that_is_not_finite_is_refused(isa, name, broken):
+@pytest.mark.parametrize("solid", ["none", "with map", "without map"])
+def test_a_state_that_is_not_finite_is_refused(isa, name, broken, solid):
     state = splash(60)
     getattr(state, name)[3, 1] = broken
+    environment = environment_of(None if solid == "none" else BALL)
+    if solid == "without map":
+        environment = replace(environment, boundary_map=None)
     with pytest.raises(SimulationError, match="not a finite number"):
-        by_native(state, environment_of(BALL), isa)
+        by_native(state, environment, isa)
 
 
 class PythonSolid(Transformed):

@@ -54,8 +54,8 @@ class PairEvaluation:
 
 
 def evaluate_pair(
-    prediction: Path,
-    reference: Path,
+    prediction: str | Path,
+    reference: str | Path,
     threshold: float = NEAR_SURFACE_DISTANCE,
     progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> PairEvaluation:
@@ -69,7 +69,16 @@ def evaluate_pair(
     Raises:
         InputError: a file is not a trajectory, has no frames, is damaged or has another frame time or particle radius,
             or the files are of different scenes.
+
+    Example:
+        >>> import surfsup as sf
+        >>> scene = sf.Scene(fluid=[sf.Block((-0.1, -0.1, 0.1), (0.1, 0.1, 0.3))], frames=20)
+        >>> sf.Simulation(scene).record("solver.h5")
+        >>> sf.Simulation(scene, simulator="surfsup").record("network.h5")
+        >>> print(sf.evaluate("network.h5", "solver.h5").text())
+        network.h5 (surfsup) against solver.h5 (dfsph)...
     """
+    prediction, reference = Path(prediction), Path(reference)
     with Trajectory(prediction) as one, Trajectory(reference) as other:
         check_units(prediction, one)
         check_units(reference, other)

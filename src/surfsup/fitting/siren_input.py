@@ -1,4 +1,4 @@
-"""Inputs of a SIREN's fit: a mesh, an oriented point cloud, the surface of a scene, or a procedural sculpture."""
+"""Inputs of a SIREN's fit: a mesh, an oriented point cloud, the surface of a scene, or a procedural mesh."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def load_target(
     """Samples of the input at ``path`` and its exact shape, which a point cloud does not have.
 
     Args:
-        path: a mesh, a point cloud or a scene file, or the name of a procedural sculpture.
+        path: a mesh, a point cloud or a scene file, or the name of a procedural mesh.
         up: the input's own upward axis, "y" or "z"; None takes the default of the file format.
         samples: points to draw on the surface of a mesh.
         seed: seed of the samples.
@@ -42,18 +42,18 @@ def load_target(
     if up not in (None, "y", "z"):
         raise InputError(f"--up is '{up}', but must be y or z")
     suffix = path.suffix.lower()
-    if path.name not in SCULPTURES or path.exists():
+    if path.name not in PROCEDURAL or path.exists():
         if suffix[1:] not in FORMATS and suffix not in (*CLOUD_SUFFIXES, *SCENE_SUFFIXES):
             known = ", ".join([*(f".{name}" for name in FORMATS), ".xyz", ".yaml"])
             raise InputError(
                 f"{path}: a SIREN cannot be fitted to this; give a file that ends in one of {known}, "
-                f"or one of {', '.join(SCULPTURES)}"
+                f"or one of {', '.join(PROCEDURAL)}"
             )
         if is_cloud(path):
             return SirenTarget.of_cloud(load_upright_cloud(path, up), seed), None
         mesh = scene_mesh(path) if suffix in SCENE_SUFFIXES else load_mesh(path, up=up)
     else:
-        mesh = SCULPTURES[path.name]()
+        mesh = PROCEDURAL[path.name]()
     shape = ExactMesh(mesh)
     return SirenTarget.of_shape(shape, samples, seed), shape
 
@@ -76,7 +76,7 @@ def room_mesh() -> trimesh.Trimesh:
     return room().surface().to_mesh(SCENE_RESOLUTION)
 
 
-SCULPTURES: dict[str, Callable[[], trimesh.Trimesh]] = {
+PROCEDURAL: dict[str, Callable[[], trimesh.Trimesh]] = {
     **{name.removesuffix(".ply"): make for name, make in PROCEDURAL_MESHES.items()},
     "room": room_mesh,
 }

@@ -57,12 +57,13 @@ class TrajectoryFrames:
         velocities: (frames, particles, 3) float32 in m/s, at the end of each frame.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: str | Path) -> None:
         """Open the trajectory file ``path``.
 
         Raises:
             InputError: the file is missing, is not HDF5, or is not a trajectory.
         """
+        path = Path(path)
         if not path.is_file():
             raise InputError(f"{path}: there is no such trajectory file")
         try:
@@ -115,6 +116,14 @@ class Trajectory(TrajectoryFrames):
         provenance: simulator, seed and version.
         frame_time: seconds between frames.
         radius: particle radius in meters.
+
+    Example:
+        >>> import surfsup as sf
+        >>> scene = sf.Scene(fluid=[sf.Block((-0.1, -0.1, 0.5), (0.1, 0.1, 0.7))], frames=20)
+        >>> sf.Simulation(scene).record("water.h5")
+        >>> with sf.Trajectory("water.h5") as trajectory:
+        ...     trajectory.positions.shape, trajectory.frame_time
+        ((20, 125, 3), 0.005)
     """
 
     def _read(self, path: Path) -> None:

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import difflib
+from pathlib import Path
 from typing import Any
 
+from surfsup.errors import InputError
 from surfsup.learned import weights_file
 from surfsup.learned.weights_file import Card
 from surfsup.sph.simulator import Simulator
@@ -23,6 +26,11 @@ def load_simulator(name: str) -> tuple[Simulator[Any], Card | None]:
     """
     if name == DEFAULT_SIMULATOR:
         return DfsphSolver(), None
+    if name not in weights_file.shipped() and not Path(name).is_file():
+        near = difflib.get_close_matches(name, simulator_names(), n=1)
+        hint = f" (did you mean '{near[0]}'?)" if near else ""
+        known = ", ".join(simulator_names())
+        raise InputError(f"there is no simulator '{name}'{hint}; known are {known}, or give a .safetensors file")
     return weights_file.load(weights_file.find(name))
 
 

@@ -10,12 +10,12 @@ Bias: TypeAlias = np.ndarray
 Vectors: TypeAlias = np.ndarray
 Values: TypeAlias = np.ndarray
 Vector: TypeAlias = np.ndarray
-# Table (X Y Z, 4), first node, middle, cell, nodes (X, Y, Z): see surfsup.sdf.mesh.distance_cache.DistanceCache.
-Grid = tuple[np.ndarray, tuple[float, ...], tuple[float, ...], float, tuple[int, ...]]
-# A native solid, or a function that writes the distance (N,) and, unless that is None, the unit normal (N, 3) of points (N, 3).
+# Table (X Y Z, 4), first node, center, cell, nodes (X, Y, Z): see surfsup.sdf.grid.SdfGrid.
+Grid: TypeAlias = tuple[np.ndarray, tuple[float, ...], tuple[float, ...], float, tuple[int, ...]]
+# A native solid, or a function that writes distance (N,) and, unless None, unit normal (N, 3) of points (N, 3).
 SolidQuery: TypeAlias = "Solid | Callable[[Vectors, Values, Vectors | None], None]"
-# Arrays of a substep: positions (N, 3), kernel sums (N, 8), density gradient (N, 3), boundary density (N,), its gradient
-# (N, 3), density error (N,), density rate (N,).
+# Arrays of a substep: positions (N, 3), kernel sums (N, 8), density gradient (N, 3), boundary density (N,), its
+# gradient (N, 3), density error (N,), density rate (N,).
 Record: TypeAlias = tuple[np.ndarray, ...]
 
 def instruction_sets() -> list[str]:
@@ -235,48 +235,48 @@ def sum_kernels_gradient(
 ) -> None:
     """Write the gradient in the values of :func:`sum_kernels` from that in its sums."""
 
-def sample(grid: Grid, points: np.ndarray, distance: np.ndarray, gradient: np.ndarray, threads: int) -> None:
-    """Write what :meth:`surfsup.sdf.mesh.distance_cache.DistanceCache.sample` tells of ``points`` (N, 3) float64 in the grid.
+def interpolate_grid(grid: Grid, points: np.ndarray, distance: np.ndarray, gradient: np.ndarray, threads: int) -> None:
+    """Write :meth:`surfsup.sdf.grid.SdfGrid.interpolate` at ``points`` (N, 3) inside the grid, all float64.
 
     Raises:
         ValueError: sizes do not fit.
     """
 
-class Triangles:
-    """Triangles in a tree of boxes, copied."""
+class TriangleBvh:
+    """A bounding volume hierarchy of triangles, which are copied."""
 
     def __init__(self, vertices: np.ndarray, faces: np.ndarray) -> None:
-        """Build the tree of vertices (V, 3) float64 and faces (F, 3) int64.
+        """Build it from vertices (V, 3) float64 and faces (F, 3) int64.
 
         Raises:
-            IndexError: a face has a corner that there is not, or there is none.
+            IndexError: a face has an invalid vertex index, or there are no faces.
         """
 
     def nearest(
         self,
         points: np.ndarray,
-        at_most: np.ndarray | None,
+        max_distance: np.ndarray | None,
         distance: np.ndarray,
         face: np.ndarray,
         closest: np.ndarray,
         threads: int,
     ) -> None:
-        """Write distance (N,), face (N,) int64 and nearest place (N, 3) of ``points`` (N, 3), all else float64.
+        """Write distance (N,), face (N,) int64 and closest point (N, 3) of ``points`` (N, 3); all others are float64.
 
-        ``at_most`` (N,) may say how far the nearest triangle can be: the less, the faster.
+        ``max_distance`` (N,) is an upper bound of the distance; a smaller bound makes the search faster.
 
         Raises:
             ValueError: sizes do not fit.
         """
 
 class Solid:
-    """A solid whose distance has a closed form or is known by a network or a mesh; ``parts`` are copied."""
+    """A solid of closed-form shapes, networks and meshes, combined by set operations."""
 
-    def __init__(self, kind: str, numbers: list[float], parts: list[Solid]) -> None:
-        """Check the kind and what it is made of.
+    def __init__(self, kind: str, parameters: list[float], parts: list[Solid]) -> None:
+        """Copy parameters and parts.
 
         Raises:
-            ValueError: there is no such kind, or it has other numbers or parts.
+            ValueError: the kind is unknown, or has another number of parameters or parts.
         """
 
     @staticmethod
@@ -288,52 +288,51 @@ class Solid:
         code: Values | None,
         frequency: float,
         octaves: int,
-        lattice: tuple[np.ndarray, tuple[float, ...], float, tuple[int, ...]] | None,
-        near: float,
+        grid: Grid | None,
+        network_range: float,
     ) -> Solid:
-        """One that a network knows, in its own frame; all arrays are float32, and all but the lattice's are copied.
+        """The zero set of a network in its own frame. Arrays are float32; all but the table of the grid are copied.
 
         Args:
-            layers, last, last_bias, code, frequency, octaves: see :class:`surfsup.sdf.neural.native_layers.NativeLayers`.
-            lattice: a table (X Y Z, 4) as of :class:`surfsup.sdf.grid.Lattice`, its first node, cell, (X, Y, Z).
-            near: distance by the lattice up to which the network is asked.
-
-        Raises:
-            ValueError: they do not fit each other.
-        """
-
-    @staticmethod
-    def of_mesh(
-        *,
-        triangles: Triangles,
-        fine: Grid,
-        coarse: Grid,
-        unsigned_distance: np.ndarray,
-        inside: np.ndarray,
-        near: float,
-        agree: float,
-        touching: float,
-        rest: Callable[[Vectors, Values, Vectors], None],
-    ) -> Solid:
-        """One that triangles enclose; no array is copied.
-
-        Args:
-            triangles: asked near the surface.
-            fine: the grid around them.
-            coarse: the one around that.
-            unsigned_distance: (N,) float64 of the fine grid's nodes.
-            inside: (N,) bool, whether they are.
-            near: distance by the grid up to which the triangles are asked, meters.
-            agree: length of the mean of the nodes' normals below which they are asked, too.
-            touching: meters from the surface up to which rounding decides where the normal points.
-            rest: writes distance and normal of points so near to the surface that the grid does not tell their side.
+            layers, last, last_bias, code, frequency, octaves: see
+                :class:`surfsup.sdf.neural.native_layers.NativeLayers`.
+            grid: distances far from the surface.
+            network_range: distance on the grid below which the network is evaluated.
 
         Raises:
             ValueError: sizes do not fit.
         """
 
-    def look(self, points: Vectors, distance: Values, normal: Vectors | None, isa: str, threads: int) -> None:
-        """Write the signed distance (N,) and, where wanted, the unit normal (N, 3) of ``points`` (N, 3), all float32.
+    @staticmethod
+    def of_mesh(
+        *,
+        bvh: TriangleBvh,
+        fine: Grid,
+        coarse: Grid,
+        node_distance: np.ndarray,
+        mesh_range: float,
+        min_agreement: float,
+        on_surface: float,
+        query_undecided: Callable[[Vectors, Values, Vectors], None],
+    ) -> Solid:
+        """The solid enclosed by triangles; no array is copied.
+
+        Args:
+            bvh: the triangles, queried near the surface.
+            fine: grid around the triangles.
+            coarse: grid around ``fine``.
+            node_distance: (N,) float64, signed distance of the nodes of ``fine``.
+            mesh_range: distance on the grid below which the triangles are queried, meters.
+            min_agreement: length of the gradient on the grid below which the triangles are queried.
+            on_surface: distance below which rounding dominates the direction of the normal, meters.
+            query_undecided: writes distance and normal of points whose side of the surface is not known.
+
+        Raises:
+            ValueError: sizes do not fit.
+        """
+
+    def evaluate(self, points: Vectors, distance: Values, normal: Vectors | None, isa: str, threads: int) -> None:
+        """Write signed distance (N,) and, unless None, unit normal (N, 3) of ``points`` (N, 3), all float32.
 
         Raises:
             ValueError: sizes do not fit, or the processor lacks the instruction set.

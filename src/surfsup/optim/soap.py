@@ -1,7 +1,7 @@
 """SOAP: Adam in the eigenbasis of Shampoo's preconditioner.
 
 N. Vyas et al., "SOAP: Improving and Stabilizing Shampoo using Adam" (2024). Per step it lowers the loss of our models
-faster than Adam (``docs/experiments.md``). For matrices as small as theirs it costs a hundredth of a training step.
+faster than Adam (``docs/log-first-days.md``). For matrices as small as theirs it costs a hundredth of a training step.
 """
 
 from __future__ import annotations

@@ -25,6 +25,10 @@ class Block(StrictModel):
 
     Raises:
         InputError: the block is too thin for a particle or holds more than MAX_PARTICLES.
+
+    Example:
+        >>> Block((-0.1, -0.1, 0.5), (0.1, 0.1, 0.7), velocity=(0, 0, -1)).positions().shape
+        (125, 3)
     """
 
     min: Vector

@@ -32,7 +32,12 @@ WALL_CELL = 0.05  # meters, approximately: cell size of the walls' boundary volu
 
 
 class Container(StrictModel):
-    """The box around everything: x and y centered on 0, floor at z = 0, sides ``size`` in meters."""
+    """The box around everything: x and y centered on 0, floor at z = 0, sides ``size`` in meters.
+
+    Example:
+        >>> Container(size=(2, 1, 1)).lower
+        (-1.0, -0.5, 0.0)
+    """
 
     size: tuple[Length, Length, Length] = (1.0, 1.0, 2.0)
 
@@ -73,6 +78,12 @@ class Scene(StrictModel):
 
     Raises:
         InputError: a value is out of range.
+
+    Example:
+        >>> import surfsup as sf
+        >>> scene = sf.Scene(surface=sf.Sphere(0.2), fluid=[sf.Block((-0.1, -0.1, 0.5), (0.1, 0.1, 0.7))], frames=100)
+        >>> scene.gravity
+        (0.0, 0.0, -9.81)
     """
 
     container: Container = STANDARD_CONTAINER

@@ -18,7 +18,15 @@ from surfsup.sdf.surface import Surface
 
 
 class Union(Surface):
-    """Everything in any of ``parts``: exact distance outside, a bound inside."""
+    """Everything in any of ``parts``: exact distance outside, a bound inside.
+
+    Example:
+        >>> import torch
+        >>> from surfsup import Box, Sphere
+        >>> points = torch.tensor([[0.0, 0.0, 0.5], [1.5, 0.0, 0.0]])
+        >>> Union(Sphere(0.25), Box((2.0, 2.0, 0.25))).distance(points).tolist()
+        [0.25, 0.5]
+    """
 
     parts: Sequence[Surface]
 
@@ -46,7 +54,14 @@ class Union(Surface):
 
 
 class Intersection(Surface):
-    """Only what is in every one of ``parts``: a bound on the distance."""
+    """Only what is in every one of ``parts``: a bound on the distance.
+
+    Example:
+        >>> import torch
+        >>> from surfsup import Box, Sphere
+        >>> Intersection(Sphere(0.25), Box((2.0, 2.0, 0.25))).distance(torch.tensor([[0.0, 0.0, 0.5]])).item()
+        0.375
+    """
 
     parts: Sequence[Surface]
 
@@ -74,7 +89,14 @@ class Intersection(Surface):
 
 
 class Difference(Surface):
-    """``base`` without ``cut``: a bound on the distance."""
+    """``base`` without ``cut``: a bound on the distance.
+
+    Example:
+        >>> import torch
+        >>> from surfsup import Sphere
+        >>> bool(Difference(Sphere(0.5), Sphere(0.25)).distance(torch.zeros(1, 3)) > 0)  # a shell
+        True
+    """
 
     def __init__(self, base: Surface, cut: Surface) -> None:
         super().__init__()

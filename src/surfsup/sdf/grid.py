@@ -127,16 +127,19 @@ class SdfGrid(nn.Module):
         """The same for points in double precision by the native code."""
         points = points.detach().contiguous()
         distance, gradient = points.new_empty(len(points)), torch.empty_like(points)
-        native.sample(
+        native.interpolate_grid(
             self.native_arguments(), points.numpy(), distance.numpy(), gradient.numpy(), torch.get_num_threads()
         )
         return distance, gradient
 
-    def nearest_node(self, points: Tensor) -> tuple[Tensor, Tensor]:
-        """Distance (N,) from ``points`` (N, 3) inside the grid to the nearest node, and the index (N,) of that node."""
-        position = (points - self.lower) / self.cell
+    def nearest_node(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Distance (N,) from ``points`` (N, 3) inside the grid to the nearest node, and the index (N,) of that node.
+
+        NumPy is faster than torch on arrays of a few points, which this is for.
+        """
+        position = (points - self.lower.numpy()) / self.cell
         node = position.round()
-        return torch.linalg.vector_norm(position - node, dim=-1) * self.cell, (node.long() * self.stride).sum(dim=-1)
+        return np.linalg.norm(position - node, axis=1) * self.cell, node.astype(np.int64) @ self.stride.numpy()
 
 
 def grid_nodes(lower: Tensor, cell: float, shape: tuple[int, ...]) -> Tensor:

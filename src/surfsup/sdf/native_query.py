@@ -21,7 +21,7 @@ def distance_native(surface: Surface, points: Tensor) -> Tensor | None:
         return None
     points = points.detach().contiguous()
     distance = points.new_empty(len(points))
-    solid.look(points.numpy(), distance.numpy(), None, fastest_isa(), torch.get_num_threads())
+    solid.evaluate(points.numpy(), distance.numpy(), None, fastest_isa(), torch.get_num_threads())
     return distance
 
 
@@ -32,7 +32,7 @@ def distance_and_normal_native(surface: Surface, points: Tensor) -> tuple[Tensor
         return None
     points = points.detach().contiguous()
     distance, normal = points.new_empty(len(points)), torch.empty_like(points)
-    solid.look(points.numpy(), distance.numpy(), normal.numpy(), fastest_isa(), torch.get_num_threads())
+    solid.evaluate(points.numpy(), distance.numpy(), normal.numpy(), fastest_isa(), torch.get_num_threads())
     return distance, normal
 
 

@@ -16,7 +16,13 @@ from surfsup.sdf.surface import Surface
 
 
 class Sphere(Surface):
-    """A ball of ``radius``."""
+    """A ball of ``radius``.
+
+    Example:
+        >>> import torch
+        >>> Sphere(0.25).distance(torch.tensor([[0.0, 0.0, 0.5], [0.0, 0.0, 0.0]])).tolist()
+        [0.25, -0.25]
+    """
 
     radius: Tensor
 
@@ -38,7 +44,13 @@ class Sphere(Surface):
 
 
 class Box(Surface):
-    """A box with the three side lengths ``size`` along x, y and z."""
+    """A box with the three side lengths ``size`` along x, y and z.
+
+    Example:
+        >>> import torch
+        >>> Box((0.5, 0.25, 1.0)).distance(torch.tensor([[0.5, 0.0, 0.0]])).item()
+        0.25
+    """
 
     size: Tensor
 
@@ -61,7 +73,13 @@ class Box(Surface):
 
 
 class Cylinder(Surface):
-    """A cylinder of ``radius`` and total ``height`` along z."""
+    """A cylinder of ``radius`` and total ``height`` along z.
+
+    Example:
+        >>> import torch
+        >>> Cylinder(radius=0.1, height=0.5).distance(torch.tensor([[0.0, 0.0, 0.5]])).item()
+        0.25
+    """
 
     radius: Tensor
     height: Tensor
@@ -86,7 +104,13 @@ class Cylinder(Surface):
 
 
 class CappedCone(Surface):
-    """A cone frustum along z: ``bottom_radius`` at -height/2, ``top_radius`` at +height/2."""
+    """A cone frustum along z: ``bottom_radius`` at -height/2, ``top_radius`` at +height/2.
+
+    Example:
+        >>> import torch
+        >>> CappedCone(height=0.5, bottom_radius=0.2).distance(torch.tensor([[0.0, 0.0, -0.5]])).item()
+        0.25
+    """
 
     height: Tensor
     bottom_radius: Tensor
@@ -135,7 +159,13 @@ class CappedCone(Surface):
 
 
 class Torus(Surface):
-    """A ring around z: a circle of ``minor_radius`` swept at ``major_radius`` from the axis."""
+    """A ring around z: a circle of ``minor_radius`` swept at ``major_radius`` from the axis.
+
+    Example:
+        >>> import torch
+        >>> Torus(major_radius=0.25, minor_radius=0.125).distance(torch.zeros(1, 3)).item()
+        0.125
+    """
 
     major_radius: Tensor
     minor_radius: Tensor

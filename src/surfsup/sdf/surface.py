@@ -23,6 +23,17 @@ class Surface(nn.Module, ABC):
     A surface is a torch module: shape parameters move between devices with ``.to`` and collect gradients. Lengths are
     in meters. Some subclasses return only a bound on the distance. Sign and zero set of a bound are exact, and its
     absolute value is never larger than that of the distance.
+
+    Example:
+        >>> import surfsup as sf, torch
+        >>> class Plate(sf.Surface):  # a surface of one's own
+        ...     def distance(self, points):
+        ...         return points[:, 2].abs() - 0.05
+        ...     def bounds(self):
+        ...         return torch.tensor([[-9.0, -9.0, -0.05], [9.0, 9.0, 0.05]])
+        >>> distance, normal = Plate().distance_and_normal(torch.tensor([[0.0, 0.0, 0.3]]))
+        >>> distance.item(), normal.tolist()
+        (0.25, [[0.0, 0.0, 1.0]])
     """
 
     @abstractmethod

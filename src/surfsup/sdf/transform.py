@@ -25,6 +25,12 @@ class Transformed(Surface):
 
     Rigid motions and uniform scale keep an exact distance exact: F(p) = s · f(Rᵀ(p - t) / s)
     (supplement, sections 5.1 and 5.5).
+
+    Example:
+        >>> import torch
+        >>> from surfsup import Sphere
+        >>> Transformed(Sphere(0.25), translation=(0, 0, 1)).distance(torch.zeros(1, 3)).item()
+        0.75
     """
 
     rotation: Tensor

@@ -24,6 +24,12 @@ class Bowl(Surface):
     """A hemisphere open above with inner radius ``capture_radius`` and a round hole of ``filter_radius`` at the bottom.
 
     A filter radius of zero closes the bowl.
+
+    Example:
+        >>> import torch
+        >>> surface = Bowl(capture_radius=0.25, filter_radius=0.05)
+        >>> bool(surface.distance(torch.tensor([[0.0, 0.0, -0.1]])) > 0)  # hollow
+        True
     """
 
     capture_radius: Tensor
@@ -81,7 +87,14 @@ class Bowl(Surface):
 
 
 class Funnel(Surface):
-    """A cone that narrows over ``height`` from ``capture_radius`` to ``filter_radius``, then a straight ``spout``."""
+    """A cone that narrows over ``height`` from ``capture_radius`` to ``filter_radius``, then a straight ``spout``.
+
+    Example:
+        >>> import torch
+        >>> surface = Funnel(capture_radius=0.25, filter_radius=0.05)
+        >>> bool(surface.distance(torch.tensor([[0.0, 0.0, -0.1]])) > 0)  # hollow
+        True
+    """
 
     capture_radius: Tensor
     filter_radius: Tensor

@@ -12,7 +12,7 @@ from torch import Tensor
 
 from surfsup.sph.stability import check_pairs, max_pairs, not_finite
 
-MAX_CELL = 2**19  # cells from the middle along an axis; particles farther away share the last cell
+MAX_CELL = 2**19  # cells from the middle along an axis; particles beyond share the last cell
 # Particles whose candidates are held at the same time: about 200 candidates each in water, about 100 bytes per
 # candidate.
 CHUNK = 2**18

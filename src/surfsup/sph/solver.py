@@ -128,7 +128,7 @@ def finish_step(
     last_query: LastQuery | None,
     handle_collisions: bool,
 ) -> tuple[ParticleState, Tensor]:
-    """The state after energy limit and, if asked for, collision handling, and which particles (N,) were moved.
+    """The state after energy limit and, if requested, collision handling, and which particles (N,) were moved.
 
     Args:
         state: before the step.

@@ -7,7 +7,7 @@ import math
 from surfsup.errors import SimulationError
 from surfsup.scene import PARTICLE_RADIUS
 
-MAX_CROWDING = 8  # mean number of neighbors, in multiples of that in water
+MAX_NEIGHBOR_RATIO = 8  # mean number of neighbors, in multiples of that in water
 
 
 def neighbors_in_water(radius: float) -> float:
@@ -17,7 +17,7 @@ def neighbors_in_water(radius: float) -> float:
 
 def max_pairs(particles: int, radius: float) -> int:
     """Number of neighbor pairs beyond which the particles have collapsed."""
-    return int(MAX_CROWDING * neighbors_in_water(radius) * particles)
+    return int(MAX_NEIGHBOR_RATIO * neighbors_in_water(radius) * particles)
 
 
 def check_pairs(pairs: int, particles: int, radius: float) -> None:
@@ -30,7 +30,7 @@ def check_pairs(pairs: int, particles: int, radius: float) -> None:
         raise not_finite()
     if pairs > max_pairs(particles, radius):
         raise SimulationError(
-            f"the simulation collapsed: a particle has more than {MAX_CROWDING * neighbors_in_water(radius):.0f} "
+            f"the simulation collapsed: a particle has more than {MAX_NEIGHBOR_RATIO * neighbors_in_water(radius):.0f} "
             f"neighbors within {radius} m on average, where water has {neighbors_in_water(radius):.0f}"
         )
 

@@ -39,8 +39,8 @@ def test_a_window_longer_than_the_scenes_is_an_error(tmp_path):
 def test_a_model_trains_on_a_stream(tmp_path):
     generate("tiny", tmp_path / "validation", 1, seed=1)
     config = TrainingConfig(
-        kind="corrected", width=4, layers=1, batch=2, steps=4, warm_up=1, validate_every=4, validation_scenes=1, validation_frames=4,
-        phases=[Phase(until=1, pushforward=2)],
+        kind="corrected", width=4, layers=1, batch=2, steps=4, warm_up=1, validate_every=4, validation_scenes=1,
+        validation_frames=4, phases=[Phase(until=1, pushforward=2)],
     )  # fmt: skip
     run = TrainingRun(config, tmp_path / "run")
     before = [parameter.clone() for parameter in run.model.parameters()]

@@ -18,9 +18,9 @@ TORUS = fine_mesh(Torus, {"major_radius": 0.3, "minor_radius": 0.12})
 
 
 def nearest(vertices, faces, points, max_distance=None, threads=1):
-    triangles = native.Triangles(np.asarray(vertices, np.float64), np.asarray(faces, np.int64))
+    bvh = native.TriangleBvh(np.asarray(vertices, np.float64), np.asarray(faces, np.int64))
     distance, face, closest = np.empty(len(points)), np.empty(len(points), np.int64), np.empty((len(points), 3))
-    triangles.nearest(points, max_distance, distance, face, closest, threads)
+    bvh.nearest(points, max_distance, distance, face, closest, threads)
     return distance, face, closest
 
 
@@ -76,7 +76,7 @@ def test_results_do_not_depend_on_the_number_of_threads():
 
 
 def test_invalid_faces_are_refused():
-    with pytest.raises(IndexError, match="a face has a corner that there is not"):
-        native.Triangles(np.zeros((3, 3)), np.array([[0, 1, 3]]))
+    with pytest.raises(IndexError, match="a face has an invalid vertex index"):
+        native.TriangleBvh(np.zeros((3, 3)), np.array([[0, 1, 3]]))
     with pytest.raises(IndexError, match="there are no triangles"):
-        native.Triangles(np.zeros((3, 3)), np.zeros((0, 3), np.int64))
+        native.TriangleBvh(np.zeros((3, 3)), np.zeros((0, 3), np.int64))

@@ -62,10 +62,12 @@ def test_a_scene_refers_to_a_shipped_surface_by_its_name(tmp_path):
 
 def test_a_scene_is_built_from_the_name_of_a_shipped_surface():
     scene, said = scene_from_surface(Path("chairs"), Placement(shape="chair-0000"), Container(), None, 5)
-    assert said.startswith("chairs stands")
+    assert said.startswith("chairs is 0.68 x")
     assert scene.surface.deepsdf.file == Path("chairs")
 
 
 def test_an_unknown_name_raises_an_error_that_lists_the_shipped_ones():
-    with pytest.raises(InputError, match="corl: there is no such file; surfaces that ship are bowls, chairs, coral"):
+    with pytest.raises(
+        InputError, match=r"corl: there is no such file; give a file or a shipped surface \(bowls, chairs, coral\)"
+    ):
         scene_from_surface(Path("corl"), Placement(), Container(), None, 5)

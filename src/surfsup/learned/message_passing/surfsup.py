@@ -16,7 +16,7 @@ MAXIMUM = 2.0  # in units of NEAR_SURFACE_DISTANCE; larger distances are clipped
 
 
 class Surfsup(MessagePassingSimulator):
-    """The paper's simulator (section 3.2, supplement section 6)."""
+    """The paper's simulator (supplement, section 6)."""
 
     kind: ClassVar[str] = "surfsup"
     surface_feature_count: ClassVar[int] = 4

@@ -1,195 +1,215 @@
-// The face of solids, meshes and maps in Python.
+// Python bindings of solids, triangle meshes and grids.
 #include <algorithm>
 #include <limits>
 #include <optional>
 #include <tuple>
 
-#include "sdf/mesh.hpp"
 #include "bindings/arrays.hpp"
+#include "sdf/mesh_shape.hpp"
 #include "sdf/solid.hpp"
-#include "sdf/triangles.hpp"
+#include "sdf/triangle_bvh.hpp"
 
 namespace {
 
-// A network of a solid with its weights, as they are when it is made, and what keeps the memory of its lattice.
-struct HeldField {
+// Weights of the previous activations, weights of the inputs, biases, weights of the code.
+using Layer = std::tuple<std::optional<Weight>, std::optional<Weight>, std::vector<Values>, std::optional<Weight>>;
+
+// Table, first node, center, cell, nodes along each axis.
+using Grid = std::tuple<Fours, std::array<double, 3>, std::array<double, 3>, double, std::array<int64_t, 3>>;
+
+// A neural field, a copy of its weights, and a reference to the table of its grid.
+struct OwnedField {
     std::vector<std::vector<float>> weights;
     std::optional<Fours> table;
-    std::vector<surfsup::FieldLayer> layers;
-    surfsup::Field field;
+    std::vector<surfsup::NeuralLayer> layers;
+    surfsup::NeuralField field;
 
-    const float* keep(std::vector<float>&& values) {
+    const float* copy(std::vector<float>&& values) {
         weights.push_back(std::move(values));
         return weights.back().data();
     }
-    const float* keep(const std::optional<Weight>& weight) {
-        return weight ? keep(std::vector<float>(weight->data(), weight->data() + weight->size())) : nullptr;
+    const float* copy(const std::optional<Weight>& weight) {
+        return weight ? copy(std::vector<float>(weight->data(), weight->data() + weight->size())) : nullptr;
     }
 };
 
-// Of a layer: what the one before is multiplied by, what is told of a place, biases, and what the code is multiplied by.
-using GivenLayer = std::tuple<std::optional<Weight>, std::optional<Weight>, std::vector<Values>, std::optional<Weight>>;
-using GivenLattice = std::tuple<Fours, std::array<float, 3>, float, std::array<int32_t, 3>>;
+// A mesh and references to the memory that it uses.
+struct OwnedMesh {
+    nb::object bvh;
+    Fours fine_table, coarse_table;
+    Lengths node_distance;
+    nb::callable query_undecided;
+    surfsup::MeshDistance mesh;
+};
 
-surfsup::Lattice lattice_of(const std::optional<GivenLattice>& given) {
-    if (!given) return {};
-    const auto& [table, lower, cell, nodes] = *given;
-    if (std::min({nodes[0], nodes[1], nodes[2]}) < 2 ||
-        static_cast<uint64_t>(nodes[0]) * static_cast<uint64_t>(nodes[1]) * static_cast<uint64_t>(nodes[2]) != table.shape(0))
-        throw std::invalid_argument("the table is not that of a lattice of so many nodes");
-    return {table.data(), {lower[0], lower[1], lower[2]}, cell, {nodes[0], nodes[1], nodes[2]}};
+template <typename Real>
+surfsup::SdfGrid<Real> make_grid(const Grid& grid) {
+    const auto& [table, lower, center, cell, nodes] = grid;
+    const uint64_t count = static_cast<uint64_t>(nodes[0]) * static_cast<uint64_t>(nodes[1]) * static_cast<uint64_t>(nodes[2]);
+    if (std::min({nodes[0], nodes[1], nodes[2]}) < 2 || count != table.shape(0))
+        throw std::invalid_argument("the table of a grid does not have one row per node");
+    surfsup::SdfGrid<Real> made{};
+    made.table = table.data();
+    made.cell = static_cast<Real>(cell);
+    for (size_t axis = 0; axis < 3; ++axis) {
+        made.lower[axis] = static_cast<Real>(lower[axis]);
+        made.center[axis] = static_cast<Real>(center[axis]);
+        made.nodes[axis] = nodes[axis];
+    }
+    return made;
 }
 
-// What a layer adds to its sums whatever the place is.
-std::vector<float> constants_of(const GivenLayer& layer, const std::optional<Values>& code, size_t width) {
-    const auto& [hidden, entering, biases, of_code] = layer;
+// The part of a layer's argument that is the same at all points: biases and code.
+std::vector<float> constant_part(const Layer& layer, const std::optional<Values>& code, size_t width) {
+    const auto& [hidden, input, biases, code_weights] = layer;
     std::vector<float> sums(width, 0.0f);
     for (const Values& bias : biases) {
         expect(bias.shape(0), width, "a bias");
         for (size_t k = 0; k < width; ++k) sums[k] += bias.data()[k];
     }
-    if (!of_code) return sums;
-    if (!code || of_code->shape(0) != width || of_code->shape(1) != code->shape(0)) throw std::invalid_argument("the code does not fit the layers");
+    if (!code_weights) return sums;
+    if (!code || code_weights->shape(0) != width || code_weights->shape(1) != code->shape(0))
+        throw std::invalid_argument("the code does not match the layers");
     for (size_t k = 0; k < width; ++k)
-        for (size_t c = 0; c < code->shape(0); ++c) sums[k] += of_code->data()[k * code->shape(0) + c] * code->data()[c];
+        for (size_t c = 0; c < code->shape(0); ++c) sums[k] += code_weights->data()[k * code->shape(0) + c] * code->data()[c];
     return sums;
 }
 
-surfsup::Solid of_network(const std::vector<GivenLayer>& layers, Values last, Values last_bias, const std::optional<Values>& code,
-                          float frequency, int octaves, const std::optional<GivenLattice>& lattice, float near) {
+surfsup::Solid of_network(const std::vector<Layer>& layers, Values last, Values last_bias, const std::optional<Values>& code,
+                          float frequency, int octaves, const std::optional<Grid>& grid, float network_range) {
     const size_t width = last.shape(0);
     expect(last_bias.shape(0), 1, "last_bias");
-    if (width == 0 || layers.empty() || octaves < 0 || octaves > 16) throw std::invalid_argument("a field has layers, and at most 16 octaves come in");
-    auto held = std::make_shared<HeldField>();
-    if (lattice) held->table = std::get<0>(*lattice);
-    for (const GivenLayer& layer : layers) {
-        const auto& [hidden, entering, biases, of_code] = layer;
-        const bool first = held->layers.empty();
-        if (hidden && (hidden->shape(0) != width || hidden->shape(1) != width)) throw std::invalid_argument("a layer is not of the field's width");
-        if (entering && (entering->shape(0) != width || entering->shape(1) != static_cast<size_t>(3 + 6 * octaves)))
-            throw std::invalid_argument("what enters a layer is not what is told of a place");
-        if (first ? hidden || !entering : !hidden) throw std::invalid_argument("into the first layer comes the place, into all others the layer before");
-        held->layers.push_back({held->keep(hidden), held->keep(entering), held->keep(constants_of(layer, code, width))});
+    if (width == 0 || layers.empty() || octaves < 0 || octaves > 16)
+        throw std::invalid_argument("a network needs layers, channels and at most 16 octaves");
+    auto owned = std::make_shared<OwnedField>();
+    if (grid) owned->table = std::get<0>(*grid);
+    for (const Layer& layer : layers) {
+        const auto& [hidden, input, biases, code_weights] = layer;
+        const bool first = owned->layers.empty();
+        if (hidden && (hidden->shape(0) != width || hidden->shape(1) != width))
+            throw std::invalid_argument("a layer does not have the width of the network");
+        if (input && (input->shape(0) != width || input->shape(1) != static_cast<size_t>(3 + 6 * octaves)))
+            throw std::invalid_argument("the weights of a layer do not match the inputs");
+        if (first ? hidden || !input : !hidden)
+            throw std::invalid_argument("the first layer needs inputs only, and every other layer the previous one");
+        owned->layers.push_back({owned->copy(hidden), owned->copy(input), owned->copy(constant_part(layer, code, width))});
     }
-    const float* last_weights = held->keep(std::vector<float>(last.data(), last.data() + width));
-    held->field = {held->layers.data(), static_cast<int>(layers.size()), static_cast<int>(width), octaves, frequency,
-                   last_weights, last_bias.data()[0], lattice_of(lattice), near};
-    return surfsup::Solid(std::make_shared<surfsup::FieldLeaf>(std::shared_ptr<const surfsup::Field>(held, &held->field)));
+    const float* last_weights = owned->copy(std::vector<float>(last.data(), last.data() + width));
+    owned->field = {owned->layers.data(),
+                    static_cast<int>(layers.size()),
+                    static_cast<int>(width),
+                    octaves,
+                    frequency,
+                    last_weights,
+                    last_bias.data()[0],
+                    grid ? make_grid<float>(*grid) : surfsup::SdfGrid<float>{},
+                    network_range};
+    return surfsup::Solid(std::make_shared<surfsup::NeuralShape>(std::shared_ptr<const surfsup::NeuralField>(owned, &owned->field)));
 }
 
-// A mesh, and what keeps the memory of its grids.
-struct HeldMesh {
-    nb::object triangles;
-    Fours fine, coarse;
-    Lengths unsigned_distance;
-    Flags inside;
-    nb::callable rest;
-    surfsup::Mesh mesh;
-};
-
-using GivenGrid = std::tuple<Fours, std::array<double, 3>, std::array<double, 3>, double, std::array<int64_t, 3>>;
-
-surfsup::Grid grid_of(const GivenGrid& given) {
-    const auto& [table, lower, middle, cell, nodes] = given;
-    if (std::min({nodes[0], nodes[1], nodes[2]}) < 2 ||
-        static_cast<uint64_t>(nodes[0]) * static_cast<uint64_t>(nodes[1]) * static_cast<uint64_t>(nodes[2]) != table.shape(0))
-        throw std::invalid_argument("the table is not that of a grid of so many nodes");
-    return {table.data(), lower, middle, cell, nodes};
+auto as_array(float* data, size_t rows) {
+    return nb::cast(nb::ndarray<nb::numpy, float>(data, {rows}, nb::handle()), nb::rv_policy::reference);
 }
 
-surfsup::Solid of_mesh(const nb::object& triangles, const GivenGrid& fine, const GivenGrid& coarse, Lengths unsigned_distance, Flags inside,
-                       double near, double agree, double touching, const nb::callable& rest) {
-    expect(unsigned_distance.shape(0), std::get<0>(fine).shape(0), "unsigned_distance");
-    expect(inside.shape(0), std::get<0>(fine).shape(0), "inside");
-    auto held = std::make_shared<HeldMesh>(HeldMesh{triangles, std::get<0>(fine), std::get<0>(coarse), unsigned_distance, inside, rest, {}});
-    const auto ask_rest = [held = held.get()](const float* points, int32_t count, float* distance, float* normal) {
+template <typename Value>
+auto as_vectors(Value* data, size_t rows) {
+    return nb::cast(nb::ndarray<nb::numpy, Value>(data, {rows, 3}, nb::handle()), nb::rv_policy::reference);
+}
+
+surfsup::Solid of_mesh(const nb::object& bvh, const Grid& fine, const Grid& coarse, Lengths node_distance, double mesh_range,
+                       double min_agreement, double on_surface, const nb::callable& query_undecided) {
+    expect(node_distance.shape(0), std::get<0>(fine).shape(0), "node_distance");
+    auto owned = std::make_shared<OwnedMesh>(
+        OwnedMesh{bvh, std::get<0>(fine), std::get<0>(coarse), node_distance, query_undecided, {}});
+    const auto query = [owned = owned.get()](const float* points, int32_t count, float* distance, float* normal) {
         const nb::gil_scoped_acquire locked;
         const auto rows = static_cast<size_t>(count);
-        held->rest(nb::cast(nb::ndarray<nb::numpy, const float>(points, {rows, 3}, nb::handle()), nb::rv_policy::reference),
-                   nb::cast(nb::ndarray<nb::numpy, float>(distance, {rows}, nb::handle()), nb::rv_policy::reference),
-                   nb::cast(nb::ndarray<nb::numpy, float>(normal, {rows, 3}, nb::handle()), nb::rv_policy::reference));
+        owned->query_undecided(as_vectors(points, rows), as_array(distance, rows), as_vectors(normal, rows));
     };
-    held->mesh = {nb::cast<const surfsup::Triangles*>(triangles), grid_of(fine), grid_of(coarse), unsigned_distance.data(), inside.data(),
-                  near, agree, touching, ask_rest};
-    return surfsup::Solid(std::make_shared<surfsup::MeshLeaf>(std::shared_ptr<const surfsup::Mesh>(held, &held->mesh)));
+    owned->mesh = {nb::cast<const surfsup::TriangleBvh*>(bvh),
+                   make_grid<double>(fine),
+                   make_grid<double>(coarse),
+                   node_distance.data(),
+                   mesh_range,
+                   min_agreement,
+                   on_surface,
+                   query};
+    return surfsup::Solid(std::make_shared<surfsup::MeshShape>(std::shared_ptr<const surfsup::MeshDistance>(owned, &owned->mesh)));
 }
 
-void look(const surfsup::Solid& solid, Vectors points, NewValues distance, std::optional<NewVectors> normal, const std::string& isa,
-          int threads) {
-    const size_t count = points.shape(0);
-    if (count > static_cast<size_t>(std::numeric_limits<int32_t>::max() - 4096))
-        throw std::invalid_argument("there are more points than a native solid can count");
-    expect(distance.shape(0), count, "distance");
-    if (normal) expect(normal->shape(0), count, "normal");
-    const surfsup::Isa& chosen = surfsup::isa_of(isa);
-    const nb::gil_scoped_release unlocked;
-    solid.look(points.data(), static_cast<int32_t>(count), distance.data(), normal ? normal->data() : nullptr, chosen, threads);
-}
-
-void make_triangles(surfsup::Triangles* triangles, Points vertices, Faces faces) {
-    new (triangles) surfsup::Triangles(vertices.data(), static_cast<int64_t>(vertices.shape(0)), faces.data(),
-                                       static_cast<int64_t>(faces.shape(0)));
-}
-
-int32_t count_of(const Points& points) {
+template <typename Array>
+int32_t count_of(const Array& points) {
     if (points.shape(0) > static_cast<size_t>(std::numeric_limits<int32_t>::max() - 4096))
-        throw std::invalid_argument("there are more points than can be counted");
+        throw std::invalid_argument("there are more points than the native code can count");
     return static_cast<int32_t>(points.shape(0));
 }
 
-void nearest(const surfsup::Triangles& triangles, Points points, std::optional<Lengths> at_most, NewLengths distance,
+void evaluate(const surfsup::Solid& solid, Vectors points, NewValues distance, std::optional<NewVectors> normal,
+              const std::string& isa, int threads) {
+    const int32_t count = count_of(points);
+    expect(distance.shape(0), points.shape(0), "distance");
+    if (normal) expect(normal->shape(0), points.shape(0), "normal");
+    const surfsup::Isa& chosen = surfsup::isa_of(isa);
+    const nb::gil_scoped_release unlocked;
+    solid.evaluate(points.data(), count, distance.data(), normal ? normal->data() : nullptr, chosen, threads);
+}
+
+void make_bvh(surfsup::TriangleBvh* bvh, Points vertices, Faces faces) {
+    new (bvh) surfsup::TriangleBvh(vertices.data(), static_cast<int64_t>(vertices.shape(0)), faces.data(),
+                                   static_cast<int64_t>(faces.shape(0)));
+}
+
+void nearest(const surfsup::TriangleBvh& bvh, Points points, std::optional<Lengths> max_distance, NewLengths distance,
              NewIndices face, NewPoints closest, int threads) {
     const int32_t count = count_of(points);
-    if (at_most) expect(at_most->shape(0), points.shape(0), "at_most");
+    if (max_distance) expect(max_distance->shape(0), points.shape(0), "max_distance");
     expect(distance.shape(0), points.shape(0), "distance");
     expect(face.shape(0), points.shape(0), "face");
     expect(closest.shape(0), points.shape(0), "closest");
     const nb::gil_scoped_release unlocked;
-    triangles.nearest(points.data(), at_most ? at_most->data() : nullptr, count, distance.data(), face.data(),
-                      closest.data(), threads);
+    bvh.nearest(points.data(), max_distance ? max_distance->data() : nullptr, count, distance.data(), face.data(), closest.data(),
+                threads);
 }
 
-void sample(const GivenGrid& given, Points points, NewLengths distance, NewPoints gradient, int threads) {
+void interpolate_grid(const Grid& grid, Points points, NewLengths distance, NewPoints gradient, int threads) {
     const int32_t count = count_of(points);
     expect(distance.shape(0), points.shape(0), "distance");
     expect(gradient.shape(0), points.shape(0), "gradient");
-    const surfsup::Grid grid = grid_of(given);
+    const auto made = make_grid<double>(grid);
     const nb::gil_scoped_release unlocked;
-    surfsup::sample(grid, points.data(), count, distance.data(), gradient.data(), threads);
+    surfsup::interpolate(made, points.data(), count, distance.data(), gradient.data(), threads);
 }
 
 }  // namespace
 
 surfsup::SolidQuery solid_query(const nb::object& solid, const surfsup::Isa& isa, int threads) {
     if (solid.is_none()) return {};
-    if (const surfsup::Solid* known; nb::try_cast(solid, known))
-        return [known, &isa, threads](float* points, int32_t count, float* distance, float* normal) {
-            known->look(points, count, distance, normal, isa, threads);
+    if (const surfsup::Solid* native_solid; nb::try_cast(solid, native_solid))
+        return [native_solid, &isa, threads](float* points, int32_t count, float* distance, float* normal) {
+            native_solid->evaluate(points, count, distance, normal, isa, threads);
         };
     return [&solid](float* points, int32_t count, float* distance, float* normal) {
         const nb::gil_scoped_acquire locked;
         const auto rows = static_cast<size_t>(count);
-        const auto given = nb::cast(nb::ndarray<nb::numpy, float>(points, {rows, 3}, nb::handle()), nb::rv_policy::reference);
-        const auto lengths = nb::cast(nb::ndarray<nb::numpy, float>(distance, {rows}, nb::handle()), nb::rv_policy::reference);
         if (normal)
-            solid(given, lengths, nb::cast(nb::ndarray<nb::numpy, float>(normal, {rows, 3}, nb::handle()), nb::rv_policy::reference));
+            solid(as_vectors(points, rows), as_array(distance, rows), as_vectors(normal, rows));
         else
-            solid(given, lengths, nb::none());
+            solid(as_vectors(points, rows), as_array(distance, rows), nb::none());
     };
 }
 
 void add_solids(nb::module_& module) {
-    module.def("sample", sample, "grid"_a, array("points"), array("distance"), array("gradient"), "threads"_a);
-    nb::class_<surfsup::Triangles>(module, "Triangles")
-        .def("__init__", make_triangles, array("vertices"), array("faces"))
-        .def("nearest", nearest, array("points"), array("at_most").none(), array("distance"), array("face"),
-             array("closest"), "threads"_a);
+    module.def("interpolate_grid", interpolate_grid, "grid"_a, array("points"), array("distance"), array("gradient"), "threads"_a);
+    nb::class_<surfsup::TriangleBvh>(module, "TriangleBvh")
+        .def("__init__", make_bvh, array("vertices"), array("faces"))
+        .def("nearest", nearest, array("points"), array("max_distance").none(), array("distance"), array("face"), array("closest"),
+             "threads"_a);
     nb::class_<surfsup::Solid>(module, "Solid")
         .def(nb::init<const std::string&, const std::vector<float>&, const std::vector<const surfsup::Solid*>&>(), "kind"_a,
-             "numbers"_a, "parts"_a)
+             "parameters"_a, "parts"_a)
         .def_static("of_network", of_network, nb::kw_only(), "layers"_a, array("last"), array("last_bias"), array("code").none(),
-                    "frequency"_a, "octaves"_a, "lattice"_a.none(), "near"_a)
-        .def_static("of_mesh", of_mesh, nb::kw_only(), "triangles"_a, "fine"_a, "coarse"_a, array("unsigned_distance"), array("inside"),
-                    "near"_a, "agree"_a, "touching"_a, "rest"_a)
-        .def("look", look, array("points"), array("distance"), array("normal").none(), "isa"_a, "threads"_a);
+                    "frequency"_a, "octaves"_a, "grid"_a.none(), "network_range"_a)
+        .def_static("of_mesh", of_mesh, nb::kw_only(), "bvh"_a, "fine"_a, "coarse"_a, array("node_distance"), "mesh_range"_a,
+                    "min_agreement"_a, "on_surface"_a, "query_undecided"_a)
+        .def("evaluate", evaluate, array("points"), array("distance"), array("normal").none(), "isa"_a, "threads"_a);
 }

@@ -6,8 +6,8 @@
 #include <vector>
 
 #include "learned/convolution_data.hpp"
-#include "sdf/field.hpp"
-#include "sdf/tree.hpp"
+#include "sdf/csg_tree.hpp"
+#include "sdf/neural_field.hpp"
 #include "sph/frame.hpp"
 
 namespace surfsup {
@@ -41,10 +41,11 @@ struct Isa {
                                       float* weights_gradient, int32_t begin, int32_t end, float* scratch);
 
     // Signed distance of points begin to end and, unless null, their unit normal.
-    void (*distance)(const Tree&, const float* points, int32_t begin, int32_t end, float* distance, float* normal);
-    // Values of a neural field at points (count, 3) in its own frame. Needs a list of as many entries and scratch floats.
-    void (*ask_field)(const Field&, const float* points, int32_t count, const LeafLook&, int32_t* list, float* scratch);
-    int64_t (*field_scratch)(const Field&);
+    void (*evaluate_tree)(const CsgTree&, const float* points, int32_t begin, int32_t end, float* distance, float* normal);
+    // Samples of a neural field at points (count, 3) in its own frame. `indices` has room for `count`, `scratch` for
+    // field_scratch_size() floats.
+    void (*sample_field)(const NeuralField&, const float* points, int32_t count, const Samples&, int32_t* indices, float* scratch);
+    int64_t (*field_scratch_size)(const NeuralField&);
 };
 
 extern const Isa avx512, avx2, plain;

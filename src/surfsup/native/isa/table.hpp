@@ -1,7 +1,7 @@
 // The table of this translation unit's instruction set. NAME and `supported` are defined by the file that includes it.
 #include "learned/convolution_isa.hpp"
-#include "sdf/field_isa.hpp"
-#include "sdf/solid_isa.hpp"
+#include "sdf/csg_tree_isa.hpp"
+#include "sdf/neural_field_isa.hpp"
 #include "sph/dfsph_isa.hpp"
 #include "sph/neighbor_search_isa.hpp"
 
@@ -17,7 +17,7 @@ const Isa NAME = {ISA_NAME,
                   ISA::convolve,
                   ISA::convolve_values_gradient,
                   ISA::convolve_weights_gradient,
-                  ISA::distance,
-                  ISA::ask_field,
-                  ISA::field_scratch};
+                  ISA::evaluate_tree,
+                  ISA::sample_field,
+                  ISA::field_scratch_size};
 }  // namespace surfsup

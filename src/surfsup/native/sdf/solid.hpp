@@ -1,5 +1,4 @@
-// Solids made of those whose distance has a closed form, or is known by a network or a mesh; the same forms as in
-// surfsup/sdf, and tested against them.
+// Solids of closed-form shapes, networks and meshes, combined by set operations. The formulas are those of surfsup/sdf.
 #pragma once
 
 #include <cstdint>
@@ -7,38 +6,37 @@
 #include <string>
 #include <vector>
 
-#include "sdf/leaf.hpp"
-#include "sdf/tree.hpp"
+#include "sdf/sampled_shape.hpp"
 
 namespace surfsup {
 
-// How a part lies in a whole: scaled, then turned by `rotation` (row by row), then moved.
+// Scale, then rotation (row by row), then translation.
 struct Similarity {
-    float rotation[9], move[3], scale;
+    float rotation[9], translation[3], scale;
 };
 
 class Solid {
 public:
-    // Throws std::invalid_argument where there is no such kind, or it is made of other things.
-    Solid(const std::string& kind, const std::vector<float>& numbers, const std::vector<const Solid*>& parts);
+    // Throws std::invalid_argument for an unknown kind or a wrong number of parameters or parts.
+    Solid(const std::string& kind, const std::vector<float>& parameters, const std::vector<const Solid*>& parts);
 
-    // One without parts, in its own frame.
-    explicit Solid(std::shared_ptr<const Leaf> leaf);
+    explicit Solid(std::shared_ptr<const SampledShape> shape);
 
-    // Distance (count) and unit normal (count, 3), unless that is null, of points (count, 3).
-    void look(const float* points, int32_t count, float* distance, float* normal, const Isa& isa, int threads) const;
+    // Writes signed distance (count) and, unless null, unit normal (count, 3) of points (count, 3).
+    void evaluate(const float* points, int32_t count, float* distance, float* normal, const Isa& isa, int threads) const;
 
 private:
-    struct Placed {
-        std::shared_ptr<const Leaf> leaf;
-        std::vector<Similarity> lies;  // in the whole first, then in what of it lies so, and so on
+    struct PlacedShape {
+        std::shared_ptr<const SampledShape> shape;
+        std::vector<Similarity> transforms;  // the outermost first
     };
-    void look_at(const Placed& placed, const Isa& isa, const float* points, int32_t count, const LeafLook& to, int threads) const;
+    void sample(const PlacedShape& placed, const Isa& isa, const float* points, int32_t count, const Samples& samples,
+                int threads) const;
 
-    std::vector<Node> nodes_;
-    std::vector<float> numbers_;
+    std::vector<CsgNode> nodes_;
+    std::vector<float> parameters_;
     std::vector<int32_t> parts_;
-    std::vector<Placed> leaves_;
+    std::vector<PlacedShape> shapes_;
 };
 
 }  // namespace surfsup

@@ -70,7 +70,8 @@ inline float boundary_density(const Frame& frame, int64_t caller, const float* p
     const SolverParameters& p = *frame.parameters;
     float density = 0.0f, slope, distance, fraction, normal[3];
     add_walls(frame, position, density, gradient);
-    if (min_solid_distance > p.kernel_support) return density;
+    const bool solid = frame.boundary_map.cell_indices || frame.solid_normal;
+    if (!solid || min_solid_distance > p.kernel_support) return density;  // a NaN distance passes
     if (frame.boundary_map.cell_indices) {
         interpolate(frame.boundary_map, position, distance, fraction, normal);
     } else {

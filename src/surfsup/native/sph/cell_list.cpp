@@ -8,7 +8,7 @@ namespace surfsup {
 namespace {
 
 constexpr double CELL_SCALE = 1.0001;  // cell side over kernel support: rounding must not put neighbors two cells apart
-constexpr double MAX_CELL = 1 << 20;  // along an axis; particles farther away share the last cell
+constexpr double MAX_CELL = 1 << 20;  // along an axis; particles beyond share the last cell
 constexpr int64_t CELLS_PER_PARTICLE = 4;
 
 // Cell coordinate along one axis. NaN goes to cell 0: it has no neighbors anyway.

@@ -39,7 +39,7 @@ float distance_between(const float* from, const float* to) {
     return std::sqrt(x * x + y * y + z * z);
 }
 
-// Particles that may be nearer than `clearance` to the solid, judged by their last query. NaN positions are included.
+// Particles that may be nearer than `clearance` to the solid according to their last query. NaN positions are included.
 std::vector<int32_t> possibly_near(const float* positions, const LastQuery& last_query, int32_t count, float clearance) {
     std::vector<int32_t> near;
     for (int32_t i = 0; i < count; ++i) {

@@ -21,8 +21,8 @@ struct Container {
     const float *lower, *upper;
 };
 
-// Queries the solid for those particles at `positions` that may be nearer than `clearance`, judged by their last query, which is
-// updated. Writes a lower bound of the distance of all particles (count).
+// Queries the solid for those particles at `positions` that may be nearer than `clearance` according to their last query, which
+// is updated. Writes a lower bound of the distance of all particles (count).
 void update_query(const float* positions, int32_t count, float clearance, const SolidQuery& solid, const LastQuery& last_query,
                   float* lower_bound);
 

@@ -31,7 +31,7 @@ struct ParticleWork {
 };
 
 // Cells of a hash grid in which sorted particles lie. Cell coordinates are taken modulo the grid size, so that any extent
-// fits; particles of distant cells that share an entry are told apart by their distance. Cells are numbered tile by tile, so
+// fits; the distance separates particles of distant cells that share an entry. Cells are numbered tile by tile, so
 // that the neighbors of one particle are still in the cache when the next needs them.
 constexpr int TILE = 4;  // cells along each side of a tile
 
@@ -61,13 +61,13 @@ struct Frame {
     const int32_t* order;  // caller's index of each sorted particle
     const float *x, *y, *z;  // sorted positions at the middle of the ballistic path; room for 16 more
 
-    // In the caller's order; vectors are (count, 3).
+    // In the caller's order; vectors are (count, 3). Without a solid, and with a map, there are no normals.
     const float *positions, *velocities, *predicted_positions, *solid_distance, *solid_normal;
     float gravity[3], lower[3], upper[3];
     float wall_cell[3];  // sides of the cells in which the walls are interpolated
     BoundaryMapView boundary_map;
     float *new_positions, *new_velocities;
-    SubstepRecord record;  // of the last substep; null pointers where none is wanted
+    SubstepRecord record;  // of the last substep; null pointers for none
 
     // In sorted order; of `motion` and `pressure` one row more, for the padding particle.
     Neighbors* neighbors;

@@ -34,7 +34,7 @@ StepResult step(Solver& solver, Fluid fluid, const SolidQuery& solid, bool handl
         solid(last_query.positions, fluid.count, distance.data(), normal.data());
         std::copy(distance.begin(), distance.end(), last_query.distance);
     }
-    fluid.predicted_positions = predicted.data(), fluid.solid_distance = distance.data(), fluid.solid_normal = normal.data();
+    fluid.predicted_positions = predicted.data(), fluid.solid_distance = distance.data(), fluid.solid_normal = normal.empty() ? nullptr : normal.data();
     std::fill_n(state.collided, count, false);
     const int64_t pairs = solver.advance(fluid, state.positions, state.velocities, record, isa, threads, max_pairs);
     if (pairs < 0 || pairs > max_pairs) return {pairs, false};

@@ -30,7 +30,7 @@ class MeshQuery:
         self.vertices = np.ascontiguousarray(vertices, dtype=np.float64)
         self.faces = np.ascontiguousarray(faces, dtype=np.int64)
         if is_built():
-            self.triangles = native.Triangles(self.vertices, self.faces)
+            self.bvh = native.TriangleBvh(self.vertices, self.faces)
         else:
             self.tree = igl.AABB()
             self.tree.init(self.vertices, self.faces)
@@ -61,7 +61,7 @@ class MeshQuery:
             return np.sqrt(squared), face, closest
         points = np.ascontiguousarray(points, dtype=np.float64)
         distance, face, closest = np.empty(len(points)), np.empty(len(points), np.int64), np.empty_like(points)
-        self.triangles.nearest(points, max_distance, distance, face, closest, torch.get_num_threads())
+        self.bvh.nearest(points, max_distance, distance, face, closest, torch.get_num_threads())
         return distance, face, closest
 
     def normal(

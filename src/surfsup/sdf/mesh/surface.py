@@ -90,22 +90,27 @@ class MeshSurface(Surface):
         if self.exact or not is_built():
             return None
         fine, coarse = self.build_grids()
-        node_distance = fine.node_distance.flatten()
         return native.Solid.of_mesh(
-            triangles=self.query.triangles,
+            bvh=self.query.bvh,
             fine=fine.native_arguments(),
             coarse=coarse.native_arguments(),
-            unsigned_distance=node_distance.abs().numpy(),
-            inside=node_distance.signbit().numpy(),
-            near=NEAR_CELLS * fine.cell,
-            agree=MIN_AGREEMENT,
-            touching=ON_SURFACE * self.query.extent,
-            rest=self.write_undecided,
+            node_distance=fine.node_distance.flatten().numpy(),
+            mesh_range=NEAR_CELLS * fine.cell,
+            min_agreement=MIN_AGREEMENT,
+            on_surface=ON_SURFACE * self.query.extent,
+            query_undecided=self.write_undecided,
         )
 
     def write_undecided(self, points: np.ndarray, distance: np.ndarray, normal: np.ndarray) -> None:
-        """Write distance (N,) and normal (N, 3) of ``points`` (N, 3) whose side the native code cannot decide."""
-        distance[:], normal[:] = self.query_points(points.astype(np.float64))
+        """Write distance (N,) and normal (N, 3) of ``points`` (N, 3) whose side the native code cannot decide.
+
+        Such points are near the surface, or not finite.
+        """
+        finite = np.isfinite(points).all(axis=1)
+        distance[~finite] = normal[~finite] = np.nan
+        distance[finite], normal[finite] = self.query_near_node(
+            points[finite].astype(np.float64), self.build_grids()[0]
+        )
 
     def bounds(self) -> Tensor:
         """The bounding box of the triangles (2, 3)."""
@@ -155,7 +160,7 @@ class MeshSurface(Surface):
         The distance is at most that to the nearest node plus that of the node from the surface. As long as the node is
         nearer than the surface, no surface is between, and the point is on the same side as the node.
         """
-        to_node, node = (value.numpy() for value in grid.nearest_node(torch.from_numpy(points)))
+        to_node, node = grid.nearest_node(points)
         node_distance = grid.node_distance.flatten().numpy()[node]
         inside = np.signbit(node_distance)
         distance, face, closest = self.query.nearest(points, to_node + np.abs(node_distance))

@@ -105,7 +105,7 @@ class NeuralSurface(Surface):
         if self.exact or layers is None:
             return None
         grid = None if self.grid is None else self.grid.native_arguments()
-        return native.Solid.of_network(**layers, lattice=grid and (grid[0], grid[1], *grid[3:]), near=NETWORK_RANGE)
+        return native.Solid.of_network(**layers, grid=grid, network_range=NETWORK_RANGE)
 
     def native_layers(self) -> NativeLayers | None:
         """The layers for the native code; None for networks that it does not support."""
