@@ -16,15 +16,15 @@ def substep_kernels(precision: Precision) -> SimpleNamespace:
     """The kernels of a substep in a precision."""
     real, vec3 = precision.real, precision.vec3
     module = f"surfsup.substeps.{precision.name}"
-    support, time, scale = real(KERNEL_SUPPORT), real(SUBSTEP_TIME), real(dfsph.GRADIENT_SCALE)
+    time, scale = real(SUBSTEP_TIME), real(dfsph.GRADIENT_SCALE)
     shrink = real(1.0 / KERNEL_SUPPORT)
     one, zero, half, two, three = real(1.0), real(0.0), real(0.5), real(2.0), real(3.0)
-    six, eight, nine, twelve = real(6.0), real(8.0), real(9.0), real(12.0)
+    six, eight, nine = real(6.0), real(8.0), real(9.0)
     self_density, softening = real(dfsph.SELF_DENSITY), real(dfsph.VISCOSITY_SOFTENING)
     viscosity = real(dfsph.LAPLACIAN_FACTOR * dfsph.VISCOSITY * dfsph.GRADIENT_SCALE / KERNEL_SUPPORT)
     divergence_relaxation, density_relaxation = real(dfsph.DIVERGENCE_RELAXATION), real(dfsph.DENSITY_RELAXATION)
     deadband, min_squared_gradient = real(dfsph.DIVERGENCE_DEADBAND), real(dfsph.MIN_SQUARED_GRADIENT)
-    max_density_error, tiny = real(dfsph.MAX_DENSITY_ERROR), real(1e-6)
+    max_density_error = real(dfsph.MAX_DENSITY_ERROR)
 
     @wp.func
     def kernel_value(q: real) -> real:
