@@ -34,12 +34,9 @@ def adjoint_kernels(precision: Precision) -> SimpleNamespace:
     @wp.func
     def factor_slope(q: real) -> real:
         """The derivative of ``gradient_factor`` over q, finite where particles meet."""
-        slope = -nine / wp.max(q, tiny)
-        if q > half:
-            slope = zero
-            if q < one:
-                slope = three * (one - one / (q * q)) / q
-        return slope
+        inverse = one / wp.max(q, tiny)
+        bounded = wp.min(inverse, two)
+        return wp.where(q > half, three * (one - bounded * bounded) * bounded, -nine * inverse)
 
     @wp.kernel(module=module, enable_backward=False)
     def pressure_adjoint(
@@ -58,10 +55,8 @@ def adjoint_kernels(precision: Precision) -> SimpleNamespace:
         pressure: wp.array(dtype=real),
         gravity: vec3,
         number: int,
-        position_adjoint: wp.array(dtype=vec3),
-        velocity_adjoint: wp.array(dtype=vec3),
-        rest_adjoint: wp.array(dtype=real),
         change: wp.array(dtype=vec3),
+        rest_adjoint: wp.array(dtype=real),
         own_velocity: wp.array(dtype=vec3),
         of_value: wp.array(dtype=real),
         of_gradient: wp.array(dtype=vec3),
@@ -74,13 +69,13 @@ def adjoint_kernels(precision: Precision) -> SimpleNamespace:
         """Derivatives of what a particle's own sums are used for; the sums themselves follow in ``motion_adjoint``."""
         i = wp.tid()
         position = positions[i]
-        changed = velocity_adjoint[i] + time * position_adjoint[i]  # of the substep's change of velocity
+        changed = change[i]
         towards = real(0.0)
         for k in range(counts[i]):
             j = neighbors[i, k]
             r = (positions[j] - position) * shrink
             factor = gradient_factor(wp.length(r))
-            towards += factor * wp.dot(velocity_adjoint[j] + time * position_adjoint[j], r)
+            towards += factor * wp.dot(change[j], r)
         gradient = density_gradient[i]
         of_pressure = scale * towards - wp.dot(changed, gradient)
         gradient_adjoint = -pressure[i] * changed
@@ -123,7 +118,6 @@ def adjoint_kernels(precision: Precision) -> SimpleNamespace:
         if number == 0 and near_solid[i] == 1 and fluid_density > one:
             density_adjoint += rest_adjoint[i]
 
-        change[i] = changed
         own_velocity[i] = changed + rate_adjoint * own_boundary
         of_value[i] = self_density * density_adjoint
         of_gradient[i] = scale * gradient_adjoint
@@ -152,10 +146,15 @@ def adjoint_kernels(precision: Precision) -> SimpleNamespace:
         of_friction: wp.array(dtype=vec3),
         of_boundary: wp.array(dtype=vec3),
         position_adjoint: wp.array(dtype=vec3),
+        earlier: real,
         new_position_adjoint: wp.array(dtype=vec3),
-        new_velocity_adjoint: wp.array(dtype=vec3),
+        new_change: wp.array(dtype=vec3),
     ):
-        """Derivatives in positions and velocities at the substep's start."""
+        """Derivatives in positions at the substep's start, and in the change of velocity in the substep before.
+
+        A change of velocity moves the particle, too: its derivative is that in the velocity plus a substep's time that
+        in the position.
+        """
         i = wp.tid()
         position, velocity = positions[i], velocities[i]
         own_pressure, own_change = scale * pressure[i], scale * change[i]
@@ -191,8 +190,9 @@ def adjoint_kernels(precision: Precision) -> SimpleNamespace:
                 )
                 in_position += factor * in_kernel + radial * r + (rate * damping) * pair_friction
                 in_velocity += (of_relative * factor) * r
-        new_position_adjoint[i] = position_adjoint[i] + of_boundary[i] - shrink * in_position
-        new_velocity_adjoint[i] = own_velocity[i] - in_velocity
+        in_position = position_adjoint[i] + of_boundary[i] - shrink * in_position
+        new_position_adjoint[i] = in_position
+        new_change[i] = own_velocity[i] - in_velocity + earlier * in_position
 
     return SimpleNamespace(
         kernels=[pressure_adjoint, motion_adjoint],

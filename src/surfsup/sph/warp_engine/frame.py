@@ -17,7 +17,7 @@ from surfsup.sph.boundary.density import plane_fraction_table
 from surfsup.sph.boundary.shape_functions import CELL_NODES, local_coordinates
 from surfsup.sph.boundary.walls import wall_cells
 from surfsup.sph.environment import Environment
-from surfsup.sph.state import SUBSTEPS
+from surfsup.sph.state import SUBSTEP_TIME, SUBSTEPS
 from surfsup.sph.warp_engine.adjoint import adjoint_kernels
 from surfsup.sph.warp_engine.boundary import NO_SOLID, PLANE, VOLUME_MAP, boundary_kernels
 from surfsup.sph.warp_engine.neighbors import empty_table, find_neighbor_table
@@ -184,24 +184,23 @@ class Frame:
         kernels, transfer = adjoint_kernels(self.precision), transfer_kernels(self.precision)
         boundary_kernel = boundary_kernels(self.precision).evaluate_boundary
         vec3 = self.precision.vec3
-        adjoints = []
-        for values in (of_positions, of_velocities):
-            adjoints.append(self.vectors())
-            self.launch(
-                transfer.sort_vectors,
-                [self.table.order, warp_array(values, vec3)],
-                [adjoints[-1]],
-            )
+        time = self.precision.real(SUBSTEP_TIME)
+        position_adjoint, change = self.vectors(), self.vectors()
+        self.launch(
+            transfer.sort_adjoints,
+            [self.table.order, warp_array(of_positions, vec3), warp_array(of_velocities, vec3), time],
+            [position_adjoint, change],
+        )
         no_adjoint = [None if isinstance(value, wp.array) else value for value in self.boundary.inputs]
         neighbors = [self.table.neighbors, self.table.counts]
         rest_adjoint = self.reals(zero=True)
         solid_adjoint = (
             [self.vectors(zero=True), self.reals(zero=True), self.vectors(zero=True)] if self.plane else [None, None, None]
         )
-        change, own_velocity, of_gradient, of_friction = (self.vectors() for _ in range(4))
+        own_velocity, of_gradient, of_friction = (self.vectors() for _ in range(3))
         of_value, of_squares, of_approach, of_boundary = (self.reals() for _ in range(4))
         of_boundary_gradient = self.vectors()
-        sums = [change, own_velocity, of_value, of_gradient, of_squares, of_approach, of_friction]
+        sums = [own_velocity, of_value, of_gradient, of_squares, of_approach, of_friction]
         for number in reversed(range(SUBSTEPS)):
             substep = self.substeps[number]
             motion = [substep.positions, substep.velocities]
@@ -209,7 +208,7 @@ class Frame:
             self.launch(
                 kernels.pressure_adjoint,
                 [*motion, *neighbors, substep.boundary[1], self.near_solid, self.rest_density, *substep.results]
-                + [self.gravity, number, *adjoints],
+                + [self.gravity, number, change],
                 [rest_adjoint, *sums, of_boundary, of_boundary_gradient],
             )
             through_boundary = self.vectors(zero=True)
@@ -226,10 +225,11 @@ class Frame:
             following = [self.vectors(), self.vectors()]
             self.launch(
                 kernels.motion_adjoint,
-                [*motion, *neighbors, pressure, *sums, through_boundary, adjoints[0]],
+                [*motion, *neighbors, pressure, change, *sums, through_boundary, position_adjoint]
+                + [time if number else self.precision.real(0.0)],
                 following,
             )
-            adjoints = following
+            position_adjoint, change = following
         found = [self.unsorted(), self.unsorted()]
         in_solid: list[Tensor | None] = [None, None]
         if self.plane:
@@ -238,7 +238,7 @@ class Frame:
             [*found, *in_solid], [vec3, vec3, self.precision.real, vec3], strict=True)]
         self.launch(
             transfer.unsort_adjoints,
-            [self.table.order, *adjoints, *solid_adjoint, self.plane, self.precision.real(FRAME_TIME)],
+            [self.table.order, position_adjoint, change, *solid_adjoint, self.plane, self.precision.real(FRAME_TIME)],
             targets,
         )
         return *found, *in_solid

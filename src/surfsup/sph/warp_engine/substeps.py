@@ -35,11 +35,9 @@ def substep_kernels(precision: Precision) -> SimpleNamespace:
     @wp.func
     def gradient_factor(q: real) -> real:
         """From the displacement in kernel supports to the kernel gradient: -W'(q) / (2 W(0) q)."""
-        factor = six - nine * q
-        if q > half:
-            outer = wp.max(one - q, zero)
-            factor = three * outer * outer / q
-        return factor
+        # Without a branch: which side a neighbor is on cannot be predicted.
+        outer = wp.max(one - q, zero)
+        return wp.where(q > half, three * outer * outer / wp.max(q, half), six - nine * q)
 
     @wp.kernel(module=module, enable_backward=False)
     def compute_pressures(

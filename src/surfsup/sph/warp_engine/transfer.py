@@ -62,9 +62,18 @@ def transfer_kernels(precision: Precision) -> SimpleNamespace:
         new_velocities[k] = velocities[k] + fallen + delta_velocity[i]
 
     @wp.kernel(module=module, enable_backward=False)
-    def sort_vectors(order: wp.array(dtype=int), values: wp.array(dtype=vec3), sorted_values: wp.array(dtype=vec3)):
+    def sort_adjoints(
+        order: wp.array(dtype=int),
+        positions: wp.array(dtype=vec3),
+        velocities: wp.array(dtype=vec3),
+        time: real,
+        position_adjoint: wp.array(dtype=vec3),
+        change: wp.array(dtype=vec3),
+    ):
         i = wp.tid()
-        sorted_values[i] = values[order[i]]
+        k = order[i]
+        position_adjoint[i] = positions[k]
+        change[i] = velocities[k] + time * positions[k]
 
     @wp.kernel(module=module, enable_backward=False)
     def unsort_adjoints(
@@ -92,9 +101,9 @@ def transfer_kernels(precision: Precision) -> SimpleNamespace:
         in_velocities[k] = velocity_adjoint[i] + time * through_predicted
 
     return SimpleNamespace(
-        kernels=[sort_particles, finish_particles, sort_vectors, unsort_adjoints],
+        kernels=[sort_particles, finish_particles, sort_adjoints, unsort_adjoints],
         sort_particles=sort_particles,
         finish_particles=finish_particles,
-        sort_vectors=sort_vectors,
+        sort_adjoints=sort_adjoints,
         unsort_adjoints=unsort_adjoints,
     )
