@@ -18,12 +18,12 @@ from surfsup.sph.boundary.shape_functions import CELL_NODES, local_coordinates
 from surfsup.sph.boundary.walls import wall_cells
 from surfsup.sph.environment import Environment
 from surfsup.sph.state import SUBSTEP_TIME, SUBSTEPS
-from surfsup.sph.warp_engine.adjoint import adjoint_kernels
-from surfsup.sph.warp_engine.boundary import NO_SOLID, PLANE, VOLUME_MAP, boundary_kernels
+from surfsup.sph.warp_engine.kernels.adjoint import adjoint_kernels
+from surfsup.sph.warp_engine.kernels.boundary import NO_SOLID, PLANE, VOLUME_MAP, boundary_kernels
+from surfsup.sph.warp_engine.kernels.substeps import substep_kernels
+from surfsup.sph.warp_engine.kernels.transfer import transfer_kernels
 from surfsup.sph.warp_engine.neighbors import empty_table, find_neighbor_table
 from surfsup.sph.warp_engine.runtime import Precision, on_stream, precision_of
-from surfsup.sph.warp_engine.substeps import substep_kernels
-from surfsup.sph.warp_engine.transfer import transfer_kernels
 
 
 @dataclass(frozen=True)
@@ -68,7 +68,7 @@ def fill_map(struct: Any, boundary_map: BoundaryMap, precision: Precision) -> No
 
 
 @cache
-def tables_on(precision: Precision, device: torch.device, dtype: torch.dtype) -> tuple[wp.array, wp.array]:
+def tables_on(precision: Precision, device: torch.device, dtype: torch.dtype) -> tuple[Any, Any]:
     """The volume fractions of a plane solid, and the places of a map cell's nodes."""
     places = torch.from_numpy(local_coordinates(CELL_NODES)).to(device, dtype)
     table = torch.from_numpy(plane_fraction_table()).to(device, dtype)
@@ -110,7 +110,7 @@ class Frame:
         self.dtype, self.torch_device = positions.dtype, positions.device
         self.gravity = vec3(*gravity.tolist())
         self.table = find_neighbor_table(vectors[0], vectors[2], self.precision)
-        solid = [warp_array(distance, real), warp_array(normal, vec3)] if self.plane else [None, None]
+        solid = [warp_array(distance, real), warp_array(normal, vec3)]
         first = self.vectors(), self.vectors()
         self.solid = [self.vectors(), self.reals(), self.vectors()] if self.plane else [None, None, None]
         self.near_solid = wp.empty(self.count, dtype=int, device=self.device)
@@ -140,7 +140,8 @@ class Frame:
         """The substeps."""
         kernels, boundary_kernel = substep_kernels(self.precision), boundary_kernels(self.precision).evaluate_boundary
         neighbors = [self.table.neighbors, self.table.counts]
-        factors = empty_table(*self.table.neighbors.shape, self.precision.real, self.device)
+        count, capacity = self.table.neighbors.shape
+        factors = empty_table(count, capacity, self.precision.real, self.device)
         for number in range(SUBSTEPS):
             substep = Substep(self, positions, velocities)
             self.launch(boundary_kernel, [positions, *self.solid, *self.boundary.inputs], substep.boundary)
@@ -149,12 +150,12 @@ class Frame:
                 [positions, velocities, *neighbors, *substep.boundary, self.near_solid, self.gravity, number],
                 [self.rest_density, factors, *substep.results],
             )
+            motion = [positions, velocities]
             density, _, density_gradient, _, viscous, pressure = substep.results
             positions, velocities = self.vectors(), self.vectors()
             self.launch(
                 kernels.apply_pressures,
-                [substep.positions, substep.velocities, *neighbors, factors, pressure, density, density_gradient, viscous]
-                + [self.gravity, number],
+                [*motion, *neighbors, factors, pressure, density, density_gradient, viscous, self.gravity, number],
                 [self.delta_velocity, self.delta_position, positions, velocities],
             )
             self.substeps = [*self.substeps, substep] if self.keep else [substep]
@@ -184,7 +185,8 @@ class Frame:
         kernels, transfer = adjoint_kernels(self.precision), transfer_kernels(self.precision)
         boundary_kernel = boundary_kernels(self.precision).evaluate_boundary
         vec3 = self.precision.vec3
-        time = self.precision.real(SUBSTEP_TIME)
+        real, rest = self.precision.real, [self.near_solid, self.rest_density]
+        time = real(SUBSTEP_TIME)
         position_adjoint, change = self.vectors(), self.vectors()
         self.launch(
             transfer.sort_adjoints,
@@ -195,7 +197,9 @@ class Frame:
         neighbors = [self.table.neighbors, self.table.counts]
         rest_adjoint = self.reals(zero=True)
         solid_adjoint = (
-            [self.vectors(zero=True), self.reals(zero=True), self.vectors(zero=True)] if self.plane else [None, None, None]
+            [self.vectors(zero=True), self.reals(zero=True), self.vectors(zero=True)]
+            if self.plane
+            else [None, None, None]
         )
         own_velocity, of_gradient, of_friction = (self.vectors() for _ in range(3))
         of_value, of_squares, of_approach, of_boundary = (self.reals() for _ in range(4))
@@ -207,8 +211,7 @@ class Frame:
             pressure = substep.results[-1]
             self.launch(
                 kernels.pressure_adjoint,
-                [*motion, *neighbors, substep.boundary[1], self.near_solid, self.rest_density, *substep.results]
-                + [self.gravity, number, change],
+                [*motion, *neighbors, substep.boundary[1], *rest, *substep.results, self.gravity, number, change],
                 [rest_adjoint, *sums, of_boundary, of_boundary_gradient],
             )
             through_boundary = self.vectors(zero=True)
@@ -223,10 +226,10 @@ class Frame:
                 device=self.device,
             )
             following = [self.vectors(), self.vectors()]
+            earlier = time if number else real(0.0)
             self.launch(
                 kernels.motion_adjoint,
-                [*motion, *neighbors, pressure, change, *sums, through_boundary, position_adjoint]
-                + [time if number else self.precision.real(0.0)],
+                [*motion, *neighbors, pressure, change, *sums, through_boundary, position_adjoint, earlier],
                 following,
             )
             position_adjoint, change = following
@@ -234,8 +237,10 @@ class Frame:
         in_solid: list[Tensor | None] = [None, None]
         if self.plane:
             in_solid = [self.unsorted(1), self.unsorted()]
-        targets = [None if value is None else wp.from_torch(value, dtype=dtype) for value, dtype in zip(
-            [*found, *in_solid], [vec3, vec3, self.precision.real, vec3], strict=True)]
+        targets = [
+            None if value is None else wp.from_torch(value, dtype=dtype)
+            for value, dtype in zip([*found, *in_solid], [vec3, vec3, self.precision.real, vec3], strict=True)
+        ]
         self.launch(
             transfer.unsort_adjoints,
             [self.table.order, position_adjoint, change, *solid_adjoint, self.plane, self.precision.real(FRAME_TIME)],
@@ -283,9 +288,9 @@ class Substep:
         ]
 
 
-def warp_array(tensor: Tensor, dtype: type) -> wp.array:
-    """A tensor without its gradient as Warp takes it; it shares the memory of a contiguous one."""
-    return wp.from_torch(tensor.detach().contiguous(), dtype=dtype, requires_grad=False)
+def warp_array(tensor: Tensor | None, dtype: type) -> Any:
+    """A tensor without its gradient as Warp takes it, None for none; it shares the memory of a contiguous one."""
+    return None if tensor is None else wp.from_torch(tensor.detach().contiguous(), dtype=dtype, requires_grad=False)
 
 
 @dataclass(frozen=True)

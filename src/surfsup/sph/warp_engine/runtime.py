@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from contextlib import AbstractContextManager, nullcontext
+import os
+import sys
+import tempfile
+from collections.abc import Iterable, Iterator
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass
 from functools import cache
 from typing import Any
@@ -13,7 +16,9 @@ import warp as wp
 
 from surfsup.errors import SimulationError
 
-wp.config.log_level = wp.LOG_ERROR  # neither a banner nor a warning where there is no GPU
+STANDARD_ERROR = 2  # file descriptor
+
+wp.config.log_level = wp.LOG_ERROR  # no banner
 
 
 @dataclass(frozen=True)
@@ -55,12 +60,30 @@ def start(device: str) -> None:
         SimulationError: Warp's cache cannot be written, or it finds no driver for the device.
     """
     try:
-        wp.init()
+        with without_driver_warning():
+            wp.init()
         wp.get_device(device)
     except OSError as error:
         raise cache_error(error) from None
     except Exception as error:
         raise launch_error(device, error) from None
+
+
+@contextmanager
+def without_driver_warning() -> Iterator[None]:
+    """Leave out Warp's line on standard error that a machine without an NVIDIA GPU has no driver for one."""
+    with tempfile.TemporaryFile() as written:
+        sys.stderr.flush()
+        kept = os.dup(STANDARD_ERROR)
+        os.dup2(written.fileno(), STANDARD_ERROR)
+        try:
+            yield
+        finally:
+            os.dup2(kept, STANDARD_ERROR)
+            os.close(kept)
+            written.seek(0)
+            lines = written.read().decode(errors="replace").splitlines(keepends=True)
+            sys.stderr.writelines(line for line in lines if "find or load the NVIDIA CUDA driver" not in line)
 
 
 def load_kernels(kernels: Iterable[Any], device: str) -> None:

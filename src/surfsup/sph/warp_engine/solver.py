@@ -14,13 +14,13 @@ from surfsup.sph.kernel_sums import kernel_graph
 from surfsup.sph.kernels import KERNEL_SUPPORT
 from surfsup.sph.neighbor_search import find_neighbors
 from surfsup.sph.state import ParticleState
-from surfsup.sph.warp_engine.adjoint import adjoint_kernels
-from surfsup.sph.warp_engine.boundary import boundary_kernels
 from surfsup.sph.warp_engine.frame import Boundary, DifferentiableFrame, Frame, boundary_of
-from surfsup.sph.warp_engine.neighbors import search_kernels
+from surfsup.sph.warp_engine.kernels.adjoint import adjoint_kernels
+from surfsup.sph.warp_engine.kernels.boundary import boundary_kernels
+from surfsup.sph.warp_engine.kernels.search import search_kernels
+from surfsup.sph.warp_engine.kernels.substeps import substep_kernels
+from surfsup.sph.warp_engine.kernels.transfer import transfer_kernels
 from surfsup.sph.warp_engine.runtime import load_kernels, on_stream, precision_of, start
-from surfsup.sph.warp_engine.substeps import substep_kernels
-from surfsup.sph.warp_engine.transfer import transfer_kernels
 
 
 class WarpSolver:
@@ -71,9 +71,7 @@ class WarpSolver:
         """
         boundary = self._boundary(environment, state.positions, False)
         with on_stream(state.positions.device):
-            frame = Frame(
-                state.positions, state.velocities, predicted, distance, normal, boundary, environment.gravity
-            )
+            frame = Frame(state.positions, state.velocities, predicted, distance, normal, boundary, environment.gravity)
             positions, velocities = frame.end()
             record = frame.record()
         neighbors = find_neighbors(0.5 * (state.positions + predicted).detach(), KERNEL_SUPPORT)

@@ -12,8 +12,8 @@ import warp as wp
 from surfsup.sph import dfsph
 from surfsup.sph.kernels import KERNEL_SUPPORT
 from surfsup.sph.state import SUBSTEP_TIME
+from surfsup.sph.warp_engine.kernels.substeps import substep_kernels
 from surfsup.sph.warp_engine.runtime import Precision
-from surfsup.sph.warp_engine.substeps import substep_kernels
 
 
 @cache
@@ -125,9 +125,7 @@ def adjoint_kernels(precision: Precision) -> SimpleNamespace:
         of_approach[i] = -scale * rate_adjoint
         boundary_adjoint[i] = density_adjoint
         boundary_gradient_adjoint[i] = (
-            gradient_of_boundary
-            + gradient_adjoint
-            + rate_adjoint * (velocities[i] + real(number) * time * gravity)
+            gradient_of_boundary + gradient_adjoint + rate_adjoint * (velocities[i] + real(number) * time * gravity)
         )
 
     @wp.kernel(module=module, enable_backward=False)

@@ -129,7 +129,9 @@ def boundary_kernels(precision: Precision) -> SimpleNamespace:
         share = corner_share(node)
         weight = share * corner_part * (nine * wp.length_sq(local) - nineteen) + (one - share) * edge_part
         product = vec3(
-            node_slope(node[0], local[0]) * y * z, x * node_slope(node[1], local[1]) * z, x * y * node_slope(node[2], local[2])
+            node_slope(node[0], local[0]) * y * z,
+            x * node_slope(node[1], local[1]) * z,
+            x * y * node_slope(node[2], local[2]),
         )
         return weight * product + share * corner_part * eighteen * x * y * z * local
 
@@ -147,9 +149,8 @@ def boundary_kernels(precision: Precision) -> SimpleNamespace:
             node_bend(node[2], local[2]) * x * y * along[2] + dz * (dx * y * along[0] + x * dy * along[1]),
         )
         radial = share * corner_part * eighteen
-        return (
-            weight * bent
-            + radial * (wp.dot(local, along) * product + wp.dot(product, along) * local + x * y * z * along)
+        return weight * bent + radial * (
+            wp.dot(local, along) * product + wp.dot(product, along) * local + x * y * z * along
         )
 
     @wp.func
@@ -279,7 +280,9 @@ def boundary_kernels(precision: Precision) -> SimpleNamespace:
             # Without a map the solid is a plane through its nearest point, as seen from the predicted position.
             normal = solid_normal[i]
             distance = solid_distance[i] + wp.dot(position - predicted[i], normal)
-            if not distance >= support:  # NaN stays NaN
+            if wp.isnan(distance):
+                total += distance
+            if distance < support:
                 fraction = plane_fraction(distance, table)
                 total += solid_density(distance, fraction)
                 slopes -= solid_slope(distance, fraction) * normal
