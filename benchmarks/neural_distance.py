@@ -23,7 +23,7 @@ from torch import Tensor, nn
 
 from surfsup.fitting.exact_shape import DistanceSamples, ExactMesh
 from surfsup.sdf import MeshSurface, load_mesh, load_siren
-from surfsup.sdf.grid import mesh_distances
+from surfsup.sdf.mesh.grid_distances import mesh_distances
 
 PARTICLES = 3000
 REPEATS = 20

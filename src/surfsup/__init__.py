@@ -1,6 +1,6 @@
 """Pour water on any surface: a fast SPH solver and learned simulators around signed distance functions.
 
-Example:
+Examples:
     >>> import surfsup as sf
     >>> ball = sf.Transformed(sf.Sphere(0.2), translation=(0, 0, 0.2))
     >>> scene = sf.Scene(surface=ball, fluid=[sf.Block((-0.1, -0.1, 0.5), (0.1, 0.1, 0.7))])

@@ -7,7 +7,7 @@ class InputError(ValueError):
     The message is one line: what, where, and how to fix it. The command line prints it without a traceback and exits
     with status 2.
 
-    Example:
+    Examples:
         >>> import surfsup as sf
         >>> sf.Block((0, 0, 0), (0.1, 0.1, 0.0))
         Traceback (most recent call last):
@@ -20,7 +20,7 @@ class SimulationError(RuntimeError):
 
     The message is one line. The command line prints it without a traceback and exits with status 1.
 
-    Example:
+    Examples:
         >>> import numpy as np, surfsup as sf
         >>> scene = sf.Scene(fluid=[sf.Block((0, 0, 0.5), (0.1, 0.1, 0.6))])
         >>> simulation = sf.Simulation(scene, device="cpu")

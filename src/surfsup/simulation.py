@@ -32,7 +32,7 @@ class Frame:
         positions: (N, 3) float32, meters.
         velocities: (N, 3) float32, m/s.
 
-    Example:
+    Examples:
         >>> import surfsup as sf
         >>> scene = sf.Scene(fluid=[sf.Block((-0.1, -0.1, 0.5), (0.1, 0.1, 0.7))])
         >>> frame = sf.Simulation(scene).step()
@@ -53,7 +53,7 @@ class SimulationState:
         frame: number of steps since the start of the scene.
         fluid: the simulator's own state, with tensors ``positions`` and ``velocities`` (N, 3).
 
-    Example:
+    Examples:
         >>> import surfsup as sf
         >>> simulation = sf.Simulation(sf.Scene(fluid=[sf.Block((-0.1, -0.1, 0.5), (0.1, 0.1, 0.7))]))
         >>> before = simulation.state
@@ -74,7 +74,7 @@ class Simulation:
         scene: surface, fluid, container and gravity.
         simulator: ``dfsph`` for the solver, the name of shipped weights such as ``surfsup``, the path of a weights
             file, or a simulator object.
-        device: ``cpu`` or ``cuda``; a GPU is used if there is one and nothing is given.
+        device: ``cpu`` or ``cuda``; by default a GPU if there is one.
         handle_collisions: whether collision handling keeps particles out of solid and walls.
         particles: of the first frame, instead of those of the scene's fluid.
 
@@ -87,7 +87,7 @@ class Simulation:
     Raises:
         InputError: simulator, device or a file of the scene cannot be used, or no particle is left.
 
-    Example:
+    Examples:
         >>> import surfsup as sf
         >>> ball = sf.Transformed(sf.Sphere(0.2), translation=(0, 0, 0.2))
         >>> scene = sf.Scene(surface=ball, fluid=[sf.Block((-0.1, -0.1, 0.5), (0.1, 0.1, 0.7))])
@@ -154,13 +154,13 @@ class Simulation:
         return self.frame
 
     def run(self, seconds: float | None = None, fps: float | None = None) -> Iterator[Frame]:
-        """Yield the present frame and those after it for a while, then leave the simulation at the end of that time.
+        """Yield the present frame and those of the next ``seconds``; afterwards the state is the one at their end.
 
         Frames between two steps are interpolated by cubic Hermite splines through positions and velocities, and moved
         out of the solid where the spline enters it.
 
         Args:
-            seconds: simulated time; by default the number of frames of the scene.
+            seconds: simulated time; by default the scene's frames of 0.005 s.
             fps: frames per second, at most 200; by default every step is a frame.
 
         Raises:

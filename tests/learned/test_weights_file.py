@@ -153,7 +153,7 @@ def test_a_model_is_found_by_its_name_or_by_its_file(path, monkeypatch):
     monkeypatch.setattr(weights_file, "shipped", lambda: {"surfsup": Path("the/shipped/one")})
     assert weights_file.find("surfsup") == Path("the/shipped/one")
     assert weights_file.find(str(path)) == path
-    with pytest.raises(InputError, match="no model 'secnd'; shipped are surfsup"):
+    with pytest.raises(InputError, match="no weights 'secnd'; shipped are surfsup"):
         weights_file.find("secnd")
 
 

@@ -148,7 +148,7 @@ def test_a_collapse_is_refused(isa):
 def test_particles_far_apart(isa, far):
     here, there = splash(80), shifted(splash(80, 1), far, -far, far)
     both = joined(here, there)
-    if far <= 1e3:  # beyond, single precision cannot tell the distant positions apart
+    if far <= 1e3:  # beyond, single precision rounds the distant positions to one
         assert_equals_warp(by_native(both, environment_of(), isa), both, environment_of())
     positions, _ = by_native(both, environment_of(), isa)
     alone, _ = by_native(here, environment_of(), isa)

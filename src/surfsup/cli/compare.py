@@ -21,7 +21,7 @@ def compare(
 
     Both are of the same scene. The table shows the floor of the reference, if there is one.
 
-    Example: surfsup compare out/bunny/trajectory.h5 out/bunny-truth/trajectory.h5
+    Example: surfsup compare out/bunny/trajectory.h5 out/bunny-reference/trajectory.h5
     """
     from surfsup.evaluation.pair import evaluate_pair
     from surfsup.evaluation.report import make_folder, write_json

@@ -20,7 +20,7 @@ def reference(
 
     Its trajectories are the ground truth of training and evaluation.
 
-    Example: surfsup reference bunny.obj -o out/bunny-truth
+    Example: surfsup reference bunny.obj -o out/bunny-reference
     """
     from surfsup.io.trajectory import Provenance
     from surfsup.splishsplash import solver

@@ -62,7 +62,8 @@ def evaluate_pair(
     """Evaluate the trajectory file ``prediction`` against ``reference``, over the frames that both have.
 
     Args:
-        prediction, reference: two trajectories of one scene.
+        prediction: a trajectory file.
+        reference: another one of the same scene.
         threshold: meters; particles closer to the solid count for Chamfer Surface.
         progress: called with the numbers of finished and of all frames.
 
@@ -70,7 +71,7 @@ def evaluate_pair(
         InputError: a file is not a trajectory, has no frames, is damaged or has another frame time or particle radius,
             or the files are of different scenes.
 
-    Example:
+    Examples:
         >>> import surfsup as sf
         >>> scene = sf.Scene(fluid=[sf.Block((-0.1, -0.1, 0.1), (0.1, 0.1, 0.3))], frames=20)
         >>> sf.Simulation(scene).record("solver.h5")

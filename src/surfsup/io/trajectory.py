@@ -117,7 +117,7 @@ class Trajectory(TrajectoryFrames):
         frame_time: seconds between frames.
         radius: particle radius in meters.
 
-    Example:
+    Examples:
         >>> import surfsup as sf
         >>> scene = sf.Scene(fluid=[sf.Block((-0.1, -0.1, 0.5), (0.1, 0.1, 0.7))], frames=20)
         >>> sf.Simulation(scene).record("water.h5")

@@ -10,7 +10,7 @@ from surfsup.sph.simulator import Simulator, StateType
 
 
 class Architecture(Protocol):
-    """What the architecture of every learned simulator has. It is a dataclass."""
+    """The sizes that the architectures of all learned simulators have. An architecture is a dataclass."""
 
     __dataclass_fields__: ClassVar[dict[str, Any]]
 

@@ -1,4 +1,4 @@
-"""The learned simulators by the kind that their weights files name."""
+"""The learned simulators by kind, the name in their weights files and presets."""
 
 from __future__ import annotations
 

@@ -138,16 +138,16 @@ def shipped() -> dict[str, Path]:
     return {path.stem: path for path in sorted(folder.glob("*.safetensors"))}
 
 
-def find(model: str) -> Path:
+def find(name: str) -> Path:
     """The weights file of a shipped model, or the file with this path.
 
     Raises:
         InputError: there is neither.
     """
     models = shipped()
-    if model in models:
-        return models[model]
-    path = Path(model)
+    if name in models:
+        return models[name]
+    path = Path(name)
     if path.is_file():
         return path
-    raise InputError(f"there is no model '{model}'; shipped are {', '.join(models)}, or give a .safetensors file")
+    raise InputError(f"there are no weights '{name}'; shipped are {', '.join(models)}, or give a .safetensors file")

@@ -26,7 +26,7 @@ class Block(StrictModel):
     Raises:
         InputError: the block is too thin for a particle or holds more than MAX_PARTICLES.
 
-    Example:
+    Examples:
         >>> Block((-0.1, -0.1, 0.5), (0.1, 0.1, 0.7), velocity=(0, 0, -1)).positions().shape
         (125, 3)
     """

@@ -39,7 +39,7 @@ def load_mesh(path: str | Path, fit: float | None = None, up: Literal["y", "z"] 
     Raises:
         InputError: the file is missing or unusable, or ``fit`` is not above zero.
 
-    Example:
+    Examples:
         >>> import trimesh
         >>> _ = trimesh.creation.icosphere().export("ball.stl")
         >>> load_mesh("ball.stl", fit=0.5).bounds()[:, 2].tolist()  # as high as fit, on the floor

@@ -34,7 +34,7 @@ WALL_CELL = 0.05  # meters, approximately: cell size of the walls' boundary volu
 class Container(StrictModel):
     """The box around everything: x and y centered on 0, floor at z = 0, sides ``size`` in meters.
 
-    Example:
+    Examples:
         >>> Container(size=(2, 1, 1)).lower
         (-1.0, -0.5, 0.0)
     """
@@ -79,7 +79,7 @@ class Scene(StrictModel):
     Raises:
         InputError: a value is out of range.
 
-    Example:
+    Examples:
         >>> import surfsup as sf
         >>> scene = sf.Scene(surface=sf.Sphere(0.2), fluid=[sf.Block((-0.1, -0.1, 0.5), (0.1, 0.1, 0.7))], frames=100)
         >>> scene.gravity

@@ -20,7 +20,7 @@ from surfsup.sdf.surface import Surface
 class Union(Surface):
     """Everything in any of ``parts``: exact distance outside, a bound inside.
 
-    Example:
+    Examples:
         >>> import torch
         >>> from surfsup import Box, Sphere
         >>> points = torch.tensor([[0.0, 0.0, 0.5], [1.5, 0.0, 0.0]])
@@ -56,7 +56,7 @@ class Union(Surface):
 class Intersection(Surface):
     """Only what is in every one of ``parts``: a bound on the distance.
 
-    Example:
+    Examples:
         >>> import torch
         >>> from surfsup import Box, Sphere
         >>> Intersection(Sphere(0.25), Box((2.0, 2.0, 0.25))).distance(torch.tensor([[0.0, 0.0, 0.5]])).item()
@@ -91,7 +91,7 @@ class Intersection(Surface):
 class Difference(Surface):
     """``base`` without ``cut``: a bound on the distance.
 
-    Example:
+    Examples:
         >>> import torch
         >>> from surfsup import Sphere
         >>> bool(Difference(Sphere(0.5), Sphere(0.25)).distance(torch.zeros(1, 3)) > 0)  # a shell

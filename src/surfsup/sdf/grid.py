@@ -7,8 +7,7 @@ import torch
 from torch import Tensor, nn
 
 from surfsup import native
-from surfsup.native.dispatch import can_run_native
-from surfsup.sdf.mesh.query import MeshQuery
+from surfsup.native.dispatch import is_built
 
 CHUNK = 100_000  # grid nodes per query of a mesh
 NativeGrid = tuple[np.ndarray, tuple[float, ...], tuple[float, ...], float, tuple[int, ...]]
@@ -69,13 +68,6 @@ class SdfGrid(nn.Module):
         gradient = torch.stack(torch.gradient(distance, spacing=float(cell)), dim=-1)
         return cls(distance, gradient, lower.float(), cell)
 
-    @classmethod
-    def from_mesh(cls, query: MeshQuery, cell: float, margin: float) -> SdfGrid:
-        """A grid of exact distances and gradients for queries in double precision, see :func:`mesh_distances`."""
-        distance, gradient, lower = mesh_distances(query, cell, margin)
-        size = torch.from_numpy(np.ptp(query.vertices, axis=0) + 2 * margin)
-        return cls(distance, gradient, lower, cell, center=lower + size / 2)
-
     def nodes(self) -> Tensor:
         """The positions of the nodes (X · Y · Z, 3)."""
         return grid_nodes(self.lower, self.cell, self.shape)
@@ -89,30 +81,14 @@ class SdfGrid(nn.Module):
         """``points`` (N, 3) relative to the center."""
         return points if self.center is None else points - self.center
 
-    def contains(self, points: Tensor) -> Tensor:
-        """Whether each of ``points`` (N, 3) is inside the grid, (N,)."""
-        return ((points >= self.lower) & (points <= self.upper)).all(dim=-1)
-
     def sample(self, points: Tensor) -> tuple[Tensor, Tensor]:
-        """Distance (N,) and gradient (N, 3) at ``points`` (N, 3), in their precision and differentiable in them.
+        """Distance (N,) and gradient (N, 3) at ``points`` (N, 3), differentiable in them.
 
         Beyond the grid it is the distance to the surface point nearest to the nearest border point of the grid. Apart
         from interpolation errors it is never too small, and too large by at most the size of the surface.
         """
         border = points.clamp(self.lower, self.upper)
-        distance, gradient = self.interpolate(border)
-        beyond = ~self.contains(points.detach())
-        if bool(beyond.any()):
-            away = points - border + distance[:, None] * nn.functional.normalize(gradient, dim=-1)
-            distance = torch.where(beyond, torch.linalg.vector_norm(away, dim=-1), distance)
-            gradient = torch.where(beyond[:, None], away, gradient)
-        return distance, gradient
-
-    def interpolate(self, points: Tensor) -> tuple[Tensor, Tensor]:
-        """Distance (N,) and mean gradient (N, 3) at ``points`` (N, 3) inside the grid."""
-        if can_run_native(points, dtype=torch.float64):
-            return self.interpolate_native(points)
-        position = (points - self.lower) / self.cell
+        position = (border - self.lower) / self.cell
         cell = torch.minimum(position.detach().long(), self.last_cell)
         fraction = (position - cell).float().unsqueeze(-1)
         sides = torch.cat([1 - fraction, fraction], dim=-1)
@@ -121,22 +97,40 @@ class SdfGrid(nn.Module):
         corners = self.table[(cell * self.stride).sum(dim=-1)[:, None] + self.corner_offsets]
         mean = torch.einsum("nk,nkc->nc", weight.reshape(-1, 8), corners).to(points.dtype)
         gradient = mean[:, 1:]
-        return mean[:, 0] + 0.5 * (self.offset(points) * gradient).sum(dim=-1), gradient
-
-    def interpolate_native(self, points: Tensor) -> tuple[Tensor, Tensor]:
-        """The same for points in double precision by the native code."""
-        points = points.detach().contiguous()
-        distance, gradient = points.new_empty(len(points)), torch.empty_like(points)
-        native.interpolate_grid(
-            self.native_arguments(), points.numpy(), distance.numpy(), gradient.numpy(), torch.get_num_threads()
-        )
+        distance = mean[:, 0] + 0.5 * (self.offset(border) * gradient).sum(dim=-1)
+        beyond = (points - border).detach().ne(0).any(dim=-1)
+        if bool(beyond.any()):
+            away = points - border + distance[:, None] * nn.functional.normalize(gradient, dim=-1)
+            distance = torch.where(beyond, torch.linalg.vector_norm(away, dim=-1), distance)
+            gradient = torch.where(beyond[:, None], away, gradient)
         return distance, gradient
 
-    def nearest_node(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Distance (N,) from ``points`` (N, 3) inside the grid to the nearest node, and the index (N,) of that node.
+    # The methods below are for meshes: double precision on the CPU, without gradients. They use NumPy, since torch's
+    # threads cost more than they save on arrays this small.
 
-        NumPy is faster than torch on arrays of a few points, which this is for.
-        """
+    def interpolate(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Distance (N,) and mean gradient (N, 3) at ``points`` (N, 3) float64 inside the grid."""
+        if is_built():
+            points = np.ascontiguousarray(points)
+            distance, gradient = np.empty(len(points)), np.empty_like(points)
+            native.interpolate_grid(self.native_arguments(), points, distance, gradient, torch.get_num_threads())
+            return distance, gradient
+        position = (points - self.lower.numpy()) / self.cell
+        cell = np.minimum(position.astype(np.int64), self.last_cell.numpy())
+        fraction = (position - cell).astype(np.float32)
+        x, y, z = np.stack([1 - fraction, fraction], axis=-1).transpose(1, 0, 2)
+        weight = (x[:, :, None, None] * y[:, None, :, None] * z[:, None, None, :]).reshape(-1, 1, 8)
+        corners = self.table.numpy()[(cell @ self.stride.numpy())[:, None] + self.corner_offsets.numpy()]
+        mean = np.matmul(weight, corners)[:, 0].astype(np.float64)
+        gradient = mean[:, 1:]
+        return mean[:, 0] + 0.5 * (self.offset(torch.from_numpy(points)).numpy() * gradient).sum(axis=1), gradient
+
+    def contains(self, points: np.ndarray) -> np.ndarray:
+        """Whether each of ``points`` (N, 3) is inside the grid, (N,)."""
+        return np.all((points >= self.lower.numpy()) & (points <= self.upper.numpy()), axis=1)
+
+    def nearest_node(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Distance (N,) from ``points`` (N, 3) inside the grid to the nearest node, and the index (N,) of that node."""
         position = (points - self.lower.numpy()) / self.cell
         node = position.round()
         return np.linalg.norm(position - node, axis=1) * self.cell, node.astype(np.int64) @ self.stride.numpy()
@@ -149,23 +143,3 @@ def grid_nodes(lower: Tensor, cell: float, shape: tuple[int, ...]) -> Tensor:
         for low, count in zip(lower, shape, strict=True)
     ]
     return torch.stack(torch.meshgrid(*axes, indexing="ij"), dim=-1).reshape(-1, 3)
-
-
-def mesh_distances(query: MeshQuery, cell: float, margin: float) -> tuple[Tensor, Tensor, Tensor]:
-    """Exact signed distances to a mesh at the nodes of a grid that extends ``margin`` beyond its box.
-
-    Returns:
-        Distances (X, Y, Z), gradients (X, Y, Z, 3) and the first node (3,), float64.
-    """
-    lower = torch.from_numpy(query.vertices.min(axis=0) - margin)
-    shape = tuple(np.ceil((np.ptp(query.vertices, axis=0) + 2 * margin) / cell).astype(int).tolist())
-    shape = tuple(count + 1 for count in shape)
-    nodes = grid_nodes(lower, cell, shape).numpy()
-    signed, gradients = [], []
-    for part in np.array_split(nodes, max(1, len(nodes) // CHUNK)):
-        distance, face, closest = query.nearest(part)
-        inside = query.inside(part)
-        signed.append(np.where(inside, -distance, distance))
-        gradients.append(query.normal(part, distance, face, closest, inside))
-    distances, normals = (torch.from_numpy(np.concatenate(parts)) for parts in (signed, gradients))
-    return distances.reshape(shape), normals.reshape(*shape, 3), lower

@@ -133,7 +133,7 @@ class Heightfield(MeshSurface):
     Raises:
         InputError: There are too many samples.
 
-    Example:
+    Examples:
         >>> import numpy as np, torch
         >>> hill = Heightfield(np.array([[0, 0, 0], [0, 1, 0], [0, 0, 0]]), size=(1, 1), height=0.25, base=0.25)
         >>> hill.bounds()[1].tolist()

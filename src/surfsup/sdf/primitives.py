@@ -18,7 +18,7 @@ from surfsup.sdf.surface import Surface
 class Sphere(Surface):
     """A ball of ``radius``.
 
-    Example:
+    Examples:
         >>> import torch
         >>> Sphere(0.25).distance(torch.tensor([[0.0, 0.0, 0.5], [0.0, 0.0, 0.0]])).tolist()
         [0.25, -0.25]
@@ -46,7 +46,7 @@ class Sphere(Surface):
 class Box(Surface):
     """A box with the three side lengths ``size`` along x, y and z.
 
-    Example:
+    Examples:
         >>> import torch
         >>> Box((0.5, 0.25, 1.0)).distance(torch.tensor([[0.5, 0.0, 0.0]])).item()
         0.25
@@ -75,7 +75,7 @@ class Box(Surface):
 class Cylinder(Surface):
     """A cylinder of ``radius`` and total ``height`` along z.
 
-    Example:
+    Examples:
         >>> import torch
         >>> Cylinder(radius=0.1, height=0.5).distance(torch.tensor([[0.0, 0.0, 0.5]])).item()
         0.25
@@ -106,7 +106,7 @@ class Cylinder(Surface):
 class CappedCone(Surface):
     """A cone frustum along z: ``bottom_radius`` at -height/2, ``top_radius`` at +height/2.
 
-    Example:
+    Examples:
         >>> import torch
         >>> CappedCone(height=0.5, bottom_radius=0.2).distance(torch.tensor([[0.0, 0.0, -0.5]])).item()
         0.25
@@ -161,7 +161,7 @@ class CappedCone(Surface):
 class Torus(Surface):
     """A ring around z: a circle of ``minor_radius`` swept at ``major_radius`` from the axis.
 
-    Example:
+    Examples:
         >>> import torch
         >>> Torus(major_radius=0.25, minor_radius=0.125).distance(torch.zeros(1, 3)).item()
         0.125

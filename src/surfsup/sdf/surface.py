@@ -24,7 +24,7 @@ class Surface(nn.Module, ABC):
     in meters. Some subclasses return only a bound on the distance. Sign and zero set of a bound are exact, and its
     absolute value is never larger than that of the distance.
 
-    Example:
+    Examples:
         >>> import surfsup as sf, torch
         >>> class Plate(sf.Surface):  # a surface of one's own
         ...     def distance(self, points):

@@ -26,7 +26,7 @@ class Transformed(Surface):
     Rigid motions and uniform scale keep an exact distance exact: F(p) = s · f(Rᵀ(p - t) / s)
     (supplement, sections 5.1 and 5.5).
 
-    Example:
+    Examples:
         >>> import torch
         >>> from surfsup import Sphere
         >>> Transformed(Sphere(0.25), translation=(0, 0, 1)).distance(torch.zeros(1, 3)).item()

@@ -25,7 +25,7 @@ class Bowl(Surface):
 
     A filter radius of zero closes the bowl.
 
-    Example:
+    Examples:
         >>> import torch
         >>> surface = Bowl(capture_radius=0.25, filter_radius=0.05)
         >>> bool(surface.distance(torch.tensor([[0.0, 0.0, -0.1]])) > 0)  # hollow
@@ -89,7 +89,7 @@ class Bowl(Surface):
 class Funnel(Surface):
     """A cone that narrows over ``height`` from ``capture_radius`` to ``filter_radius``, then a straight ``spout``.
 
-    Example:
+    Examples:
         >>> import torch
         >>> surface = Funnel(capture_radius=0.25, filter_radius=0.05)
         >>> bool(surface.distance(torch.tensor([[0.0, 0.0, -0.1]])) > 0)  # hollow

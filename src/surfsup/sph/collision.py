@@ -27,7 +27,7 @@ class LastQuery:
 
     Attributes:
         positions: (N, 3) of the particles then, meters.
-        distance: (N,) of the solid from there, meters.
+        distance: (N,) to the solid there, meters.
     """
 
     positions: Tensor
@@ -63,7 +63,7 @@ def resolve_collisions(
         positions: (N, 3) as the simulator computed them, meters.
         velocities: (N, 3), m/s.
         environment: container and solid.
-        last: an earlier query of the solid. Particles too far from it to have come near since do not query it again.
+        last: an earlier query of the solid. Particles that cannot have come near since then skip the query.
     """
     if can_run_native(positions, velocities, environment.lower, environment.upper, module=environment.surface):
         return resolve_collisions_native(before, positions, velocities, environment, last)

@@ -2,9 +2,9 @@
 
 Bender and Koschier, "Divergence-Free SPH for Incompressible and Viscous Fluids", 2017. In each of its steps the
 reference first removes the density rate from the velocities (divergence solve), then applies viscosity and gravity,
-then removes the density error expected at the step's end (density solve). It iterates once for the former and two to
-six times for the latter (measured). Here a frame has as many substeps, with one iteration each: both pressures follow
-from one pass over the neighbors. The neighbor list is that of the frame's middle. The substeps are written in C++
+then removes the density error expected at the step's end (density solve). The divergence solve takes one iteration, the
+density solve two to six (measured). Here a substep has one iteration for both: one pass over the neighbors gives both
+pressures. All substeps of a frame use the neighbor list of the frame's middle. The substeps are written in C++
 (``native/sph/dfsph_isa.hpp``) and in Warp (:mod:`surfsup.sph.warp_engine`).
 """
 
@@ -22,12 +22,12 @@ from surfsup.sph.kernels import KERNEL_PEAK, KERNEL_SUPPORT
 SELF_DENSITY = KERNEL_PEAK * SPACING**3  # of a lone particle, relative to the rest density
 GRADIENT_SCALE = 2 * SELF_DENSITY / KERNEL_SUPPORT  # 1/m, from sums of kernel gradients to the density gradient
 
-# Fractions of density rate and density error that one iteration removes. The reference removes half in each. Of its
-# second kind it iterates at least twice; slightly more than one iteration suffices, and leaves the water calmer
+# Fractions of density rate and density error that a substep removes. The reference removes half in an iteration, and
+# iterates the density solve at least twice. Slightly more than one such iteration suffices, and the water is calmer
 # (measured).
 DIVERGENCE_RELAXATION, DENSITY_RELAXATION = 0.5, 0.6
-# 1/s. Slower density rates do not enter the expected density error: in deep water they would alternate between
-# substeps, and a pool would tremble (docs/log.md). In a splash the rates' standard deviation is 1.4 to 9.
+# 1/s. Density rates below this do not enter the predicted density error: in deep water their signs would alternate from
+# substep to substep, and a pool would tremble (docs/log.md). In a splash their standard deviation is 1.4 to 9.
 DIVERGENCE_DEADBAND = 1.0
 MIN_SQUARED_GRADIENT = 1e-5  # 1/m²: where density depends less on positions, pressure is zero
 # m²/s, the reference's. Laplacian of J. J. Monaghan, "Smoothed particle hydrodynamics", Reports on Progress in Physics

@@ -1,8 +1,8 @@
 """Energy limiter: a frame adds no mechanical energy beyond a small bound.
 
 Water among walls and solids at rest can only lose mechanical energy. In the reference it falls in every frame of
-every scene that was examined. A simulator in a state it cannot handle could throw particles about; the limiter
-prevents that.
+every scene that was examined. A simulator may fail in an unusual state and accelerate particles without bound; the
+limiter prevents that.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from surfsup import native
 from surfsup.native.dispatch import can_run_native
 from surfsup.sph.state import ParticleState
 
-MAX_ENERGY_GAIN = 2e-3  # J/kg in a frame, an occasional gain of a sound simulator; a scene begins with 5 to 15
+MAX_ENERGY_GAIN = 2e-3  # J/kg in a frame; valid rollouts gain this now and then, and a scene begins with 5 to 15
 MAX_DELTA_VELOCITY = 5.0  # m/s in a frame; one true change in ten thousand exceeds 4.7
 HALVINGS = 10
 
@@ -39,8 +39,8 @@ def limit_energy_gain(
 ) -> tuple[Tensor, Tensor]:
     """A step from ``state`` with its deviations from free fall cut until it gains no energy.
 
-    The largest deviations are cut first, to half of the bound each time: these tear the water apart, and smaller ones
-    stay as they are. With none left the motion is ballistic, which gains nothing. NaN stays NaN.
+    Deviations above a bound are shortened to it, smaller ones stay as they are. The bound is halved until the gain is
+    small enough. If no bound suffices, the motion is ballistic, which gains nothing. NaN stays NaN.
 
     Args:
         state: before the step.

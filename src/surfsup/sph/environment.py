@@ -18,7 +18,7 @@ from surfsup.sph.boundary.boundary_map import BoundaryMap
 
 @dataclass(frozen=True)
 class Environment:
-    """Solid, container and gravity. They are constant: make a new environment where one changes.
+    """Solid, container and gravity. They are constant; if one changes, make a new environment.
 
     Attributes:
         surface: the solid, or None.

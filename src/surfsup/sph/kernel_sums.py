@@ -117,7 +117,7 @@ def kernel_sums(values: Tensor, graph: KernelGraph) -> Tensor:
 
 
 def can_sum_native(graph: KernelGraph, values: Tensor) -> bool:
-    """Whether C++ sums serve: they have gradients in the values, but not in the kernels."""
+    """Whether C++ can compute the sums: it has gradients in the values, but not in the kernels."""
     return can_run_native(values.detach(), graph.kernels)
 
 

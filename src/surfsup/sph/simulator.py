@@ -14,7 +14,7 @@ from surfsup.sph.environment import Environment
 
 
 class FluidState(Protocol):
-    """What the state of every simulator offers: the particles at the end of a frame."""
+    """What the states of all simulators have in common: the particles at the end of a frame."""
 
     @property
     def positions(self) -> Tensor:
@@ -31,7 +31,7 @@ StateType = TypeVar("StateType", bound=FluidState)
 
 
 class Simulator(ABC, Generic[StateType]):
-    """Advances particles frame by frame. What it remembers of the past is its own type of state.
+    """Advances particles frame by frame. Each simulator has its own type of state.
 
     Attributes:
         history_length: number of frames before the present one that a state holds.
@@ -62,7 +62,7 @@ class Simulator(ABC, Generic[StateType]):
     def step(
         self, state: StateType, environment: Environment, handle_collisions: bool = True
     ) -> tuple[StateType, Tensor]:
-        """The state one step later, and which particles (N,) collision handling moved."""
+        """The state one frame later, and which particles (N,) collision handling moved."""
 
     def to(self, device: torch.device | str) -> Self:
         """The simulator on a device. A simulator without weights computes where the state is."""

@@ -12,7 +12,7 @@ from torch import Tensor
 
 from surfsup.scene import FRAME_TIME
 
-SUBSTEPS = 5  # of 1 ms in a frame, as in the reference: they determine what end-of-frame velocities mean
+SUBSTEPS = 5  # of 1 ms in a frame, as in the reference; velocities are those at the end of the last one
 SUBSTEP_TIME = FRAME_TIME / SUBSTEPS
 
 
@@ -41,10 +41,10 @@ class ParticleState:
 
 
 def free_fall(gravity: Tensor) -> Tensor:
-    """Displacement of a frame of free fall from rest, meters: n (n + 1) / 2 h² g for n semi-implicit steps of h."""
+    """Displacement of a frame of free fall from rest, meters: n (n + 1) / 2 Δt² g for n semi-implicit steps of Δt."""
     return SUBSTEPS * (SUBSTEPS + 1) / 2 * SUBSTEP_TIME**2 * gravity
 
 
 def free_fall_lag(gravity: Tensor) -> Tensor:
-    """End velocity times frame time minus displacement of a frame of free fall, meters: n (n - 1) / 2 h² g."""
+    """End velocity times frame time minus displacement of a frame of free fall, meters: n (n - 1) / 2 Δt² g."""
     return SUBSTEPS * (SUBSTEPS - 1) / 2 * SUBSTEP_TIME**2 * gravity

@@ -10,6 +10,7 @@ import numpy as np
 
 from surfsup.scene import PARTICLE_RADIUS
 from surfsup.sph.boundary.volume_map import VolumeMap
+from surfsup.sph.dfsph import VISCOSITY
 from surfsup.sph.state import SUBSTEP_TIME
 from surfsup.splishsplash.map_file import write_map
 
@@ -54,7 +55,7 @@ def solver_scene(
                 "id": "Fluid",
                 "density0": 1000,
                 "viscosityMethod": STANDARD_VISCOSITY,
-                "Standard viscosity": {"viscosity": 0.01, "viscosityBoundary": 0.0},
+                "Standard viscosity": {"viscosity": VISCOSITY, "viscosityBoundary": 0.0},
             }
         ],
         "FluidModels": [

@@ -61,8 +61,8 @@ def test_a_scene_refers_to_a_shipped_surface_by_its_name(tmp_path):
 
 
 def test_a_scene_is_built_from_the_name_of_a_shipped_surface():
-    scene, said = scene_from_surface(Path("chairs"), Placement(shape="chair-0000"), Container(), None, 5)
-    assert said.startswith("chairs is 0.68 x")
+    scene, description = scene_from_surface(Path("chairs"), Placement(shape="chair-0000"), Container(), None, 5)
+    assert description.startswith("chairs is 0.68 x")
     assert scene.surface.deepsdf.file == Path("chairs")
 
 

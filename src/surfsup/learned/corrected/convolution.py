@@ -37,7 +37,7 @@ def convolve(hidden: Tensor, mix: Tensor, self_weight: Tensor, graph: KernelGrap
 
 
 def can_convolve_native(graph: KernelGraph, hidden: Tensor, mix: Tensor) -> bool:
-    """Whether the C++ convolution serves: it has gradients in hidden states and weights, but not in the kernels."""
+    """Whether C++ can compute the convolution: it has gradients in hidden states and weights, not in the kernels."""
     return hidden.shape[1] % NATIVE_CHANNELS == 0 and mix.dtype == torch.float32 and can_sum_native(graph, hidden)
 
 
@@ -61,8 +61,8 @@ class GatherMessages(torch.autograd.Function):
             in_messages = (graph.scatter_matrix @ gradient.contiguous()).unflatten(0, (len(graph), KERNELS))
         if context.needs_input_grad[1]:
             (messages,) = context.saved_tensors
-            # A kernel's gradient is the product of what its edge carried and what came back. Copies of both per edge
-            # would be an order of magnitude slower than this product at the edges alone (measured).
+            # The gradient of an edge's kernel is the product of the edge's message and gradient. Gathering both for
+            # every edge would be an order of magnitude slower than this sampled product (measured).
             products = torch.sparse.sampled_addmm(
                 graph.gather_matrix, gradient.contiguous(), messages.flatten(0, 1).T, beta=0.0
             )

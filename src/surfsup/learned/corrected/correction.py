@@ -13,14 +13,14 @@ from surfsup.sph.dfsph import pressure_velocity
 from surfsup.sph.energy import MAX_DELTA_VELOCITY
 from surfsup.sph.solver import Observation
 
-POSITION_SHARE = 0.62  # of a frame's velocity correction that shows in its displacement (measured)
+POSITION_SHARE = 0.62  # displacement over velocity correction times frame time, in the same frame (measured)
 PRESSURE_SCALE = 5e-4  # m²/s: at a density gradient of 40 per meter it causes one DISPLACEMENT_SCALE per frame
 MAX_CORRECTION = MAX_DELTA_VELOCITY * FRAME_TIME / DISPLACEMENT_SCALE
 
 
 @dataclass(frozen=True)
 class Correction:
-    """What is added to positions and velocities, in ``DISPLACEMENT_SCALE``.
+    """Corrections of positions and velocities, in ``DISPLACEMENT_SCALE``.
 
     Attributes:
         velocity: (N, 3), to the end velocity times the frame time.
@@ -32,12 +32,11 @@ class Correction:
 
     @classmethod
     def from_pressure(cls, output: Tensor, observation: Observation) -> Correction:
-        """The motion that pressures against a positive density rate cause.
+        """The correction by pressures that reduce a positive density rate.
 
-        Particles and solids push each other equally, so that momentum is conserved and nothing is compressed. A
-        network free to choose velocities made single frames better and rollouts worse (measured). Without a positive
-        density rate the pressure is zero: a network free to choose any pressure carried part of a pool's weight in one
-        push a frame, and made it tremble.
+        Pressure forces are symmetric, so momentum is conserved. A network that chose velocities freely improved single
+        frames and worsened rollouts (measured). Where the density rate is not positive the pressure is zero: a network
+        that chose any pressure carried part of a pool's weight by one impulse a frame, and the pool trembled.
 
         Args:
             output: (N,) of the network, in units of ``PRESSURE_SCALE`` and the scaled density rate; negative values
@@ -51,7 +50,7 @@ class Correction:
         return cls(velocity, POSITION_SHARE * velocity)
 
     def bounded(self, bound: float = MAX_CORRECTION) -> Correction:
-        """The same, shortened where the velocity exceeds ``bound``; so no network can tear the water apart."""
+        """The same, shortened where the velocity exceeds ``bound``: no output of the network can scatter the water."""
         length = torch.linalg.vector_norm(self.velocity, dim=-1, keepdim=True)
         fraction = (bound / length.clamp(min=1e-6)).clamp(max=1)
         return Correction(fraction * self.velocity, fraction * self.position)

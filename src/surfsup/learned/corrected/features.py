@@ -1,4 +1,4 @@
-"""The network's input: what the solver's last substep knows of each particle."""
+"""The network's input: quantities of each particle from the solver's last substep."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from surfsup.scene import FRAME_TIME
 from surfsup.sph.solver import Observation
 
 DISPLACEMENT_SCALE = 1e-4  # meters: standard deviation of the solver's error after a frame (measured)
-# Standard deviations of the features in a splash: of like size, they are learned faster (measured).
+# Standard deviations of the features in a splash. Features of similar size are learned faster (measured).
 VELOCITY_SCALE = 0.3  # m/s
 GRADIENT_SCALE = 20.0  # 1/m
 DENSITY_SCALE = 0.02  # of the rest density
-# The largest kernel sums found in trajectories of the reference, of either sign. Factors from larger sums, on which
-# no model is trained, throw particles out of the water.
+# The largest magnitudes of the kernel sums in trajectories of the reference. Larger sums, which training never
+# contains, would give factors that throw particles out of the water.
 MAX_SUMS = (3.0, 2.5, 2.5, 2.5, 4.0, 1.5)
 
 PARTICLE_FEATURES = 14

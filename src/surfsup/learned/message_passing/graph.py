@@ -48,7 +48,7 @@ class EdgeGraph:
         return torch.argsort(self.neighbors.senders, stable=True)
 
     def sum_edges(self, values: Tensor, order: Tensor) -> Tensor:
-        """Sum values (E, C) over the edges of each node, (N, C); ``order`` decides which end of an edge is meant."""
+        """Sum values (E, C) over the edges of each node, (N, C); ``order`` selects the end of an edge that counts."""
         starts = self.neighbors.starts
         return torch.nn.functional.embedding_bag(order, values, starts, mode="sum", include_last_offset=True)
 

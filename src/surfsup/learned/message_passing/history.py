@@ -10,7 +10,7 @@ from torch import Tensor
 from surfsup.scene import FRAME_TIME
 from surfsup.sph.state import free_fall_lag
 
-HISTORY_LENGTH = 4  # displacements that the network sees; T of the paper
+HISTORY_LENGTH = 4  # displacements in the network's input; T of the paper
 
 
 @dataclass(frozen=True)
@@ -19,7 +19,7 @@ class History:
 
     Attributes:
         positions: (N, 3), meters.
-        velocities: (N, 3), m/s; from data at the end of the frame, from the network the mean of the last frame.
+        velocities: (N, 3), m/s; in data at the end of the frame, in rollouts the mean over the last frame.
         displacements: (N, T, 3), meters in each of the last T frames, the latest first.
     """
 

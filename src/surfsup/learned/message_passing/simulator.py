@@ -22,7 +22,7 @@ from surfsup.sph.collision import resolve_collisions
 from surfsup.sph.environment import Environment
 from surfsup.sph.neighbor_search import find_neighbors
 
-# Standard deviations before training measures them on its own data, in meters a frame and meters a frame².
+# Initial standard deviations, in meters a frame and meters a frame²; training replaces them by those of its data.
 DISPLACEMENT_STD = (1.9e-3, 1.9e-3, 4.1e-3)
 ACCELERATION_STD = (3e-4, 3e-4, 3e-4)
 WALLS = 6
@@ -97,9 +97,9 @@ class MessagePassingSimulator(LearnedSimulator[History]):
         distances = torch.cat([positions - environment.lower, environment.upper - positions], dim=-1)
         return (distances / self.architecture.radius).clamp(-1, 1)
 
-    def predict_acceleration(self, given: NetworkInput) -> Tensor:
+    def predict_acceleration(self, inputs: NetworkInput) -> Tensor:
         """The network's normalized acceleration of each fluid particle (N, 3)."""
-        return self.network(given.node_features, given.graph).index_select(0, given.fluid_nodes)
+        return self.network(inputs.node_features, inputs.graph).index_select(0, inputs.fluid_nodes)
 
     def acceleration_target(self, state: History, displacement: Tensor) -> Tensor:
         """The normalized acceleration (N, 3) that leads from ``state`` to the next ``displacement`` (N, 3) in meters.

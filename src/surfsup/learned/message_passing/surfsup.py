@@ -1,4 +1,4 @@
-"""SURFSUP: every particle knows the signed distance of the surface and its gradient."""
+"""SURFSUP: the node features include the signed distance of the surface and its gradient."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class Surfsup(MessagePassingSimulator):
 def scaled_distance(distance: Tensor) -> Tensor:
     """Signed distances (N,) in meters as a node feature (N, 1): in near-surface distances, clipped to MAXIMUM.
 
-    The paper gives neither the unit nor the limit. No force depends on the height above a distant surface; clipping
-    keeps that height out of the input, and lets the maximum stand for a scene without a surface.
+    The paper gives neither the unit nor the limit. No force depends on the distance from a surface far away, so it is
+    clipped. A scene without a surface has the maximum everywhere.
     """
     return (distance / NEAR_SURFACE_DISTANCE).clamp(-MAXIMUM, MAXIMUM)[:, None]

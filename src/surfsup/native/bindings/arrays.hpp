@@ -48,7 +48,8 @@ inline auto array(const char* name) { return nb::arg(name).noconvert(); }
 
 inline void expect(size_t rows, size_t count, const char* name) {
     if (rows != count)
-        throw std::invalid_argument(std::string(name) + " has " + std::to_string(rows) + " rows, but must have " + std::to_string(count));
+        throw std::invalid_argument(std::string(name) + " has " + std::to_string(rows) + " rows, but must have " +
+                                    std::to_string(count));
 }
 
 // A query of a native solid or of a Python function that writes distances and normals; empty for None.

@@ -2,6 +2,7 @@
 #include "bindings/arrays.hpp"
 
 NB_MODULE(_native, module) {
+    nb::set_leak_warnings(false);  // objects that Python caches until it exits are no leaks
     module.def("instruction_sets", [] {
         std::vector<std::string> names;
         for (const surfsup::Isa* isa : surfsup::instruction_sets()) names.emplace_back(isa->name);

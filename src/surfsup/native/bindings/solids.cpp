@@ -104,7 +104,8 @@ surfsup::Solid of_network(const std::vector<Layer>& layers, Values last, Values 
                     last_bias.data()[0],
                     grid ? make_grid<float>(*grid) : surfsup::SdfGrid<float>{},
                     network_range};
-    return surfsup::Solid(std::make_shared<surfsup::NeuralShape>(std::shared_ptr<const surfsup::NeuralField>(owned, &owned->field)));
+    return surfsup::Solid(
+        std::make_shared<surfsup::NeuralShape>(std::shared_ptr<const surfsup::NeuralField>(owned, &owned->field)));
 }
 
 auto as_array(float* data, size_t rows) {
@@ -119,8 +120,8 @@ auto as_vectors(Value* data, size_t rows) {
 surfsup::Solid of_mesh(const nb::object& bvh, const Grid& fine, const Grid& coarse, Lengths node_distance, double mesh_range,
                        double min_agreement, double on_surface, const nb::callable& query_undecided) {
     expect(node_distance.shape(0), std::get<0>(fine).shape(0), "node_distance");
-    auto owned = std::make_shared<OwnedMesh>(
-        OwnedMesh{bvh, std::get<0>(fine), std::get<0>(coarse), node_distance, query_undecided, {}});
+    auto owned =
+        std::make_shared<OwnedMesh>(OwnedMesh{bvh, std::get<0>(fine), std::get<0>(coarse), node_distance, query_undecided, {}});
     const auto query = [owned = owned.get()](const float* points, int32_t count, float* distance, float* normal) {
         const nb::gil_scoped_acquire locked;
         const auto rows = static_cast<size_t>(count);
@@ -134,7 +135,8 @@ surfsup::Solid of_mesh(const nb::object& bvh, const Grid& fine, const Grid& coar
                    min_agreement,
                    on_surface,
                    query};
-    return surfsup::Solid(std::make_shared<surfsup::MeshShape>(std::shared_ptr<const surfsup::MeshDistance>(owned, &owned->mesh)));
+    return surfsup::Solid(
+        std::make_shared<surfsup::MeshShape>(std::shared_ptr<const surfsup::MeshDistance>(owned, &owned->mesh)));
 }
 
 template <typename Array>
@@ -167,8 +169,8 @@ void nearest(const surfsup::TriangleBvh& bvh, Points points, std::optional<Lengt
     expect(face.shape(0), points.shape(0), "face");
     expect(closest.shape(0), points.shape(0), "closest");
     const nb::gil_scoped_release unlocked;
-    bvh.nearest(points.data(), max_distance ? max_distance->data() : nullptr, count, distance.data(), face.data(), closest.data(),
-                threads);
+    bvh.nearest(points.data(), max_distance ? max_distance->data() : nullptr, count, distance.data(), face.data(),
+                closest.data(), threads);
 }
 
 void interpolate_grid(const Grid& grid, Points points, NewLengths distance, NewPoints gradient, int threads) {
@@ -199,16 +201,17 @@ surfsup::SolidQuery solid_query(const nb::object& solid, const surfsup::Isa& isa
 }
 
 void add_solids(nb::module_& module) {
-    module.def("interpolate_grid", interpolate_grid, "grid"_a, array("points"), array("distance"), array("gradient"), "threads"_a);
+    module.def("interpolate_grid", interpolate_grid, "grid"_a, array("points"), array("distance"), array("gradient"),
+               "threads"_a);
     nb::class_<surfsup::TriangleBvh>(module, "TriangleBvh")
         .def("__init__", make_bvh, array("vertices"), array("faces"))
-        .def("nearest", nearest, array("points"), array("max_distance").none(), array("distance"), array("face"), array("closest"),
-             "threads"_a);
+        .def("nearest", nearest, array("points"), array("max_distance").none(), array("distance"), array("face"),
+             array("closest"), "threads"_a);
     nb::class_<surfsup::Solid>(module, "Solid")
         .def(nb::init<const std::string&, const std::vector<float>&, const std::vector<const surfsup::Solid*>&>(), "kind"_a,
              "parameters"_a, "parts"_a)
-        .def_static("of_network", of_network, nb::kw_only(), "layers"_a, array("last"), array("last_bias"), array("code").none(),
-                    "frequency"_a, "octaves"_a, "grid"_a.none(), "network_range"_a)
+        .def_static("of_network", of_network, nb::kw_only(), "layers"_a, array("last"), array("last_bias"),
+                    array("code").none(), "frequency"_a, "octaves"_a, "grid"_a.none(), "network_range"_a)
         .def_static("of_mesh", of_mesh, nb::kw_only(), "bvh"_a, "fine"_a, "coarse"_a, array("node_distance"), "mesh_range"_a,
                     "min_agreement"_a, "on_surface"_a, "query_undecided"_a)
         .def("evaluate", evaluate, array("points"), array("distance"), array("normal").none(), "isa"_a, "threads"_a);

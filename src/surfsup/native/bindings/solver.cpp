@@ -18,7 +18,8 @@ int32_t checked_count(size_t count) {
     return static_cast<int32_t>(count);
 }
 
-void make_boundary_map(surfsup::BoundaryMap* map, Vector lower, Vector cell, SmallIndices resolution, SmallIndices cell_indices, Nodes nodes) {
+void make_boundary_map(surfsup::BoundaryMap* map, Vector lower, Vector cell, SmallIndices resolution, SmallIndices cell_indices,
+                       Nodes nodes) {
     expect(resolution.shape(0), 3, "resolution");
     int64_t cells = 1;
     for (int axis = 0; axis < 3; ++axis) cells *= resolution.data()[axis];
@@ -39,18 +40,20 @@ using Record = std::tuple<NewVectors, NewKernelSums, NewVectors, NewValues, NewV
 
 surfsup::SubstepRecord record_of(const std::optional<Record>& record, size_t count) {
     if (!record) return {};
-    const auto& [positions, kernel_sums, density_gradient, boundary_density, boundary_gradient, density_error, density_rate] = *record;
+    const auto& [positions, kernel_sums, density_gradient, boundary_density, boundary_gradient, density_error, density_rate] =
+        *record;
     for (const size_t rows : {positions.shape(0), kernel_sums.shape(0), density_gradient.shape(0), boundary_density.shape(0),
                               boundary_gradient.shape(0), density_error.shape(0), density_rate.shape(0)})
         expect(rows, count, "an array of the record");
-    return {positions.data(), kernel_sums.data(), density_gradient.data(), boundary_density.data(), boundary_gradient.data(),
-            density_error.data(), density_rate.data()};
+    return {positions.data(),         kernel_sums.data(),   density_gradient.data(), boundary_density.data(),
+            boundary_gradient.data(), density_error.data(), density_rate.data()};
 }
 
-surfsup::StepResult step(surfsup::Solver& solver, Vectors positions, Vectors velocities, Vector gravity, Vector lower, Vector upper,
-                         const surfsup::BoundaryMap* boundary_map, Matrix3 rotation, const nb::object& solid, bool handle_collisions,
-                         NewVectors query_positions, NewValues query_distance, NewVectors new_positions, NewVectors new_velocities,
-                         NewFlags collided, const std::optional<Record>& record, const std::string& isa, int threads, int64_t max_pairs) {
+surfsup::StepResult step(surfsup::Solver& solver, Vectors positions, Vectors velocities, Vector gravity, Vector lower,
+                         Vector upper, const surfsup::BoundaryMap* boundary_map, Matrix3 rotation, const nb::object& solid,
+                         bool handle_collisions, NewVectors query_positions, NewValues query_distance, NewVectors new_positions,
+                         NewVectors new_velocities, NewFlags collided, const std::optional<Record>& record,
+                         const std::string& isa, int threads, int64_t max_pairs) {
     const size_t count = positions.shape(0);
     expect(velocities.shape(0), count, "velocities");
     expect(query_positions.shape(0), count, "query_positions");
@@ -60,8 +63,15 @@ surfsup::StepResult step(surfsup::Solver& solver, Vectors positions, Vectors vel
     expect(collided.shape(0), count, "collided");
     const surfsup::Isa& chosen = surfsup::isa_of(isa);
     const surfsup::SolidQuery query = solid_query(solid, chosen, threads);
-    const surfsup::Fluid fluid = {checked_count(count), positions.data(), velocities.data(), nullptr, nullptr, nullptr, gravity.data(),
-                                  lower.data(), upper.data(),
+    const surfsup::Fluid fluid = {checked_count(count),
+                                  positions.data(),
+                                  velocities.data(),
+                                  nullptr,
+                                  nullptr,
+                                  nullptr,
+                                  gravity.data(),
+                                  lower.data(),
+                                  upper.data(),
                                   boundary_map ? boundary_map->view(rotation.data()) : surfsup::BoundaryMapView{}};
     const surfsup::SubstepRecord written = record_of(record, count);
     const nb::gil_scoped_release unlocked;
@@ -69,9 +79,10 @@ surfsup::StepResult step(surfsup::Solver& solver, Vectors positions, Vectors vel
                          {new_positions.data(), new_velocities.data(), collided.data()}, written, chosen, threads, max_pairs);
 }
 
-void resolve_collisions(Vectors before, NewVectors positions, NewVectors velocities, NewFlags collided, Vector lower, Vector upper,
-                        const surfsup::CollisionParameters& parameters, const nb::object& solid, std::optional<NewVectors> query_positions,
-                        std::optional<NewValues> query_distance, const std::string& isa, int threads) {
+void resolve_collisions(Vectors before, NewVectors positions, NewVectors velocities, NewFlags collided, Vector lower,
+                        Vector upper, const surfsup::CollisionParameters& parameters, const nb::object& solid,
+                        std::optional<NewVectors> query_positions, std::optional<NewValues> query_distance,
+                        const std::string& isa, int threads) {
     const size_t count = positions.shape(0);
     expect(before.shape(0), count, "before");
     expect(velocities.shape(0), count, "velocities");
@@ -111,7 +122,8 @@ nb::tuple find_neighbor_pairs(Vectors positions, double radius, int64_t max_pair
         const nb::gil_scoped_release unlocked;
         pairs = surfsup::find_neighbor_pairs(positions.data(), count, radius, max_pairs, threads);
     }
-    return nb::make_tuple(pairs.count, to_numpy(std::move(pairs.starts)), to_numpy(std::move(pairs.receivers)), to_numpy(std::move(pairs.senders)));
+    return nb::make_tuple(pairs.count, to_numpy(std::move(pairs.starts)), to_numpy(std::move(pairs.receivers)),
+                          to_numpy(std::move(pairs.senders)));
 }
 
 }  // namespace
@@ -119,14 +131,15 @@ nb::tuple find_neighbor_pairs(Vectors positions, double radius, int64_t max_pair
 void add_solver(nb::module_& module) {
     using surfsup::BoundaryParameters, surfsup::CollisionParameters, surfsup::SolverParameters, surfsup::StepResult;
     module.def("find_neighbor_pairs", find_neighbor_pairs, array("positions"), "radius"_a, "max_pairs"_a, "threads"_a);
-    module.def("energy_gain", energy_gain, array("positions"), array("velocities"), array("new_positions"), array("new_velocities"),
-               array("gravity"));
-    module.def("resolve_collisions", resolve_collisions, array("before"), array("positions"), array("velocities"), array("collided"),
-               array("lower"), array("upper"), "parameters"_a, "solid"_a.none(), array("query_positions").none(),
-               array("query_distance").none(), "isa"_a, "threads"_a);
+    module.def("energy_gain", energy_gain, array("positions"), array("velocities"), array("new_positions"),
+               array("new_velocities"), array("gravity"));
+    module.def("resolve_collisions", resolve_collisions, array("before"), array("positions"), array("velocities"),
+               array("collided"), array("lower"), array("upper"), "parameters"_a, "solid"_a.none(),
+               array("query_positions").none(), array("query_distance").none(), "isa"_a, "threads"_a);
 
     nb::class_<surfsup::BoundaryMap>(module, "BoundaryMap")
-        .def("__init__", make_boundary_map, array("lower"), array("cell"), array("resolution"), array("cell_indices"), array("nodes"));
+        .def("__init__", make_boundary_map, array("lower"), array("cell"), array("resolution"), array("cell_indices"),
+             array("nodes"));
     nb::class_<BoundaryParameters>(module, "BoundaryParameters")
         .def(nb::init<>())
         .def_rw("distance_offset", &BoundaryParameters::distance_offset)
@@ -161,8 +174,8 @@ void add_solver(nb::module_& module) {
     nb::class_<StepResult>(module, "StepResult").def_ro("pairs", &StepResult::pairs).def_ro("finished", &StepResult::finished);
     nb::class_<surfsup::Solver>(module, "Solver")
         .def(nb::init<SolverParameters>(), "parameters"_a)
-        .def("step", step, nb::kw_only(), array("positions"), array("velocities"), array("gravity"), array("lower"), array("upper"),
-             "boundary_map"_a.none(), array("rotation"), "solid"_a.none(), "handle_collisions"_a, array("query_positions"),
-             array("query_distance"), array("new_positions"), array("new_velocities"), array("collided"), array("record").none(), "isa"_a,
-             "threads"_a, "max_pairs"_a);
+        .def("step", step, nb::kw_only(), array("positions"), array("velocities"), array("gravity"), array("lower"),
+             array("upper"), "boundary_map"_a.none(), array("rotation"), "solid"_a.none(), "handle_collisions"_a,
+             array("query_positions"), array("query_distance"), array("new_positions"), array("new_velocities"),
+             array("collided"), array("record").none(), "isa"_a, "threads"_a, "max_pairs"_a);
 }

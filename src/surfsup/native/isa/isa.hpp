@@ -44,7 +44,8 @@ struct Isa {
     void (*evaluate_tree)(const CsgTree&, const float* points, int32_t begin, int32_t end, float* distance, float* normal);
     // Samples of a neural field at points (count, 3) in its own frame. `indices` has room for `count`, `scratch` for
     // field_scratch_size() floats.
-    void (*sample_field)(const NeuralField&, const float* points, int32_t count, const Samples&, int32_t* indices, float* scratch);
+    void (*sample_field)(const NeuralField&, const float* points, int32_t count, const Samples&, int32_t* indices,
+                         float* scratch);
     int64_t (*field_scratch_size)(const NeuralField&);
 };
 

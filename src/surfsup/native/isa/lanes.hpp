@@ -1,5 +1,5 @@
-// A vector with the lanes of this translation unit's instruction set, and its functions. Compiled once for every instruction set,
-// each time in a namespace of its own: nothing here may be shared.
+// A vector with the lanes of this translation unit's instruction set, and its functions. Compiled once for every instruction
+// set, each time in a namespace of its own: nothing here may be shared.
 #pragma once
 
 #include <cstdint>
@@ -17,7 +17,7 @@ constexpr int LANES = 16;
 constexpr int ROWS = 12;  // particles in a block: 12 x 2 sums of a matrix product fit the 32 registers
 #elif defined(__AVX2__)
 constexpr int LANES = 8;
-constexpr int ROWS = 6;     // 6 x 2 sums fit the 16 registers
+constexpr int ROWS = 6;  // 6 x 2 sums fit the 16 registers
 #else
 constexpr int LANES = 4;
 constexpr int ROWS = 6;
@@ -41,7 +41,9 @@ inline Ints load_ints(const int32_t* from) {
 }
 
 template <typename Vector>
-inline void store(void* to, Vector values) { std::memcpy(to, &values, sizeof values); }
+inline void store(void* to, Vector values) {
+    std::memcpy(to, &values, sizeof values);
+}
 
 inline Floats square_root(Floats values) {
 #if defined(__AVX512F__)
@@ -142,7 +144,8 @@ inline void sum_each(const Eight (&values)[8], float* to) {
         const __m256 cd = _mm256_add_ps(_mm256_unpacklo_ps(c, d), _mm256_unpackhi_ps(c, d));
         fours[half] = _mm256_add_ps(_mm256_shuffle_ps(ab, cd, 0x44), _mm256_shuffle_ps(ab, cd, 0xEE));
     }
-    const __m256 low = _mm256_permute2f128_ps(fours[0], fours[1], 0x20), high = _mm256_permute2f128_ps(fours[0], fours[1], 0x31);
+    const __m256 low = _mm256_permute2f128_ps(fours[0], fours[1], 0x20),
+                 high = _mm256_permute2f128_ps(fours[0], fours[1], 0x31);
     _mm256_storeu_ps(to, _mm256_add_ps(low, high));
 #else
     for (int k = 0; k < 8; ++k) {
@@ -203,11 +206,11 @@ inline void pick_four(const float* from, const int32_t* index, Floats& x, Floats
 #if defined(__AVX2__) && !defined(__AVX512F__)
 // For every lane mask the permutation that moves its lanes to the front.
 struct Fronts {
-    int32_t of[1 << LANES][LANES];
-    constexpr Fronts() : of{} {
+    int32_t lanes[1 << LANES][LANES];
+    constexpr Fronts() : lanes{} {
         for (int set = 0; set < 1 << LANES; ++set)
             for (int lane = 0, at = 0; lane < LANES; ++lane)
-                if (set >> lane & 1) of[set][at++] = lane;
+                if (set >> lane & 1) lanes[set][at++] = lane;
     }
 };
 alignas(64) constexpr Fronts FRONTS{};
@@ -221,7 +224,7 @@ inline int64_t append(int32_t* to, int64_t length, Ints set, Ints index) {
     return length + __builtin_popcount(mask);
 #elif defined(__AVX2__)
     const auto mask = static_cast<unsigned>(_mm256_movemask_ps((__m256)set));
-    store(to + length, _mm256_permutevar8x32_epi32((__m256i)index, (__m256i)load_ints(FRONTS.of[mask])));
+    store(to + length, _mm256_permutevar8x32_epi32((__m256i)index, (__m256i)load_ints(FRONTS.lanes[mask])));
     return length + _mm_popcnt_u32(mask);
 #else
     for (int lane = 0; lane < LANES; ++lane) {

@@ -37,7 +37,8 @@ AlignedFloats rows_per_input(int width, const float* mix, const float* self) {
 
 }  // namespace
 
-void convolve(const NeighborGraph& graph, int width, const float* hidden, const float* mix, const float* self, float* out, int threads) {
+void convolve(const NeighborGraph& graph, int width, const float* hidden, const float* mix, const float* self, float* out,
+              int threads) {
     const AlignedFloats weights = rows_per_input(width, mix, self);
     auto scratch = scratch_of(threads, width);
     in_parallel(threads, graph.count, PORTION, [&](int thread, int32_t begin, int32_t end) {
@@ -46,7 +47,8 @@ void convolve(const NeighborGraph& graph, int width, const float* hidden, const 
 }
 
 void convolve_gradient(const NeighborGraph& graph, int width, const float* hidden, const float* mix, const float* self,
-                       const float* out_gradient, float* hidden_gradient, float* mix_gradient, float* self_gradient, int threads) {
+                       const float* out_gradient, float* hidden_gradient, float* mix_gradient, float* self_gradient,
+                       int threads) {
     auto scratch = scratch_of(threads, width);
     const auto size = static_cast<size_t>((KERNELS + 1) * width * width);
     if (hidden_gradient) {
@@ -61,8 +63,8 @@ void convolve_gradient(const NeighborGraph& graph, int width, const float* hidde
     in_parallel(threads, SLICES, 1, [&](int thread, int32_t slice, int32_t) {
         const auto begin = static_cast<int32_t>(static_cast<int64_t>(graph.count) * slice / SLICES);
         const auto end = static_cast<int32_t>(static_cast<int64_t>(graph.count) * (slice + 1) / SLICES);
-        fastest().convolve_weights_gradient(graph, width, hidden, out_gradient, slices[static_cast<size_t>(slice)].data(), begin, end,
-                                            scratch[static_cast<size_t>(thread)].data());
+        fastest().convolve_weights_gradient(graph, width, hidden, out_gradient, slices[static_cast<size_t>(slice)].data(),
+                                            begin, end, scratch[static_cast<size_t>(thread)].data());
     });
     for (int slice = 1; slice < SLICES; ++slice)
         for (size_t k = 0; k < size; ++k) slices[0][k] += slices[static_cast<size_t>(slice)][k];

@@ -84,13 +84,14 @@ inline void gather_edges(const NeighborGraph& graph, int32_t i, const float* val
 // The sums of every kernel over a particle's neighbors, followed by the particle's own values.
 inline void gather_row(const NeighborGraph& graph, int32_t i, int width, const float* values, bool reversed, float* to) {
     int column = 0;
-    for (; column + 2 * LANES <= width; column += 2 * LANES) gather_edges<2>(graph, i, values + column, width, reversed, to + column);
+    for (; column + 2 * LANES <= width; column += 2 * LANES)
+        gather_edges<2>(graph, i, values + column, width, reversed, to + column);
     for (; column < width; column += LANES) gather_edges<1>(graph, i, values + column, width, reversed, to + column);
     std::memcpy(to + KERNELS * width, values + static_cast<int64_t>(i) * width, 4 * static_cast<size_t>(width));
 }
 
-inline void convolve_any(const NeighborGraph& graph, int width, const float* values, bool reversed, const float* weights, float* out,
-                         int32_t begin, int32_t end, float* sums) {
+inline void convolve_any(const NeighborGraph& graph, int width, const float* values, bool reversed, const float* weights,
+                         float* out, int32_t begin, int32_t end, float* sums) {
     const int depth = (KERNELS + 1) * width;
     for (int32_t block = begin; block < end; block += ROWS) {
         const int here = end - block < ROWS ? end - block : ROWS;
@@ -101,14 +102,14 @@ inline void convolve_any(const NeighborGraph& graph, int width, const float* val
     }
 }
 
-void convolve(const NeighborGraph& graph, int width, const float* values, const float* weights, float* out, int32_t begin, int32_t end,
-              float* sums) {
+void convolve(const NeighborGraph& graph, int width, const float* values, const float* weights, float* out, int32_t begin,
+              int32_t end, float* sums) {
     convolve_any(graph, width, values, false, weights, out, begin, end, sums);
 }
 
 // A gradient travels along the reversed edges.
-void convolve_values_gradient(const NeighborGraph& graph, int width, const float* gradient, const float* weights, float* values_gradient,
-                              int32_t begin, int32_t end, float* sums) {
+void convolve_values_gradient(const NeighborGraph& graph, int width, const float* gradient, const float* weights,
+                              float* values_gradient, int32_t begin, int32_t end, float* sums) {
     convolve_any(graph, width, gradient, true, weights, values_gradient, begin, end, sums);
 }
 
@@ -136,8 +137,8 @@ inline void add_outer(const float* a, int64_t depth, const float* b, int64_t b_r
 }
 
 // Adds the gradient with respect to the weights ((KERNELS + 1) width, width).
-void convolve_weights_gradient(const NeighborGraph& graph, int width, const float* values, const float* gradient, float* weights_gradient,
-                               int32_t begin, int32_t end, float* sums) {
+void convolve_weights_gradient(const NeighborGraph& graph, int width, const float* values, const float* gradient,
+                               float* weights_gradient, int32_t begin, int32_t end, float* sums) {
     const int depth = (KERNELS + 1) * width;
     float* block_gradient = sums + ROWS * depth;
     for (int32_t block = begin; block < end; block += ROWS) {
@@ -155,7 +156,8 @@ void convolve_weights_gradient(const NeighborGraph& graph, int width, const floa
         int column = 0;
         for (; column + 2 * LANES <= width; column += 2 * LANES)
             add_outer<2>(sums, depth, block_gradient + column, width, weights_gradient + column, width);
-        for (; column < width; column += LANES) add_outer<1>(sums, depth, block_gradient + column, width, weights_gradient + column, width);
+        for (; column < width; column += LANES)
+            add_outer<1>(sums, depth, block_gradient + column, width, weights_gradient + column, width);
     }
 }
 

@@ -7,7 +7,7 @@
 namespace surfsup {
 namespace {
 
-constexpr int32_t PORTION = 48;  // particles
+constexpr int32_t PORTION = 48;                     // particles
 constexpr float PARITY[KERNELS] = {1, -1, -1, -1};  // sign of each kernel when an edge is reversed
 
 }  // namespace

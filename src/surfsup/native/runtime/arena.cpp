@@ -2,8 +2,8 @@
 
 #include <algorithm>
 
-#include "runtime/aligned.hpp"
 #include "isa/isa.hpp"
+#include "runtime/aligned.hpp"
 
 namespace surfsup {
 

@@ -29,8 +29,8 @@ struct CsgNode {
     int32_t parts, part_count;            // first index in CsgTree::parts, and number; for `sampled` the index of its samples
 };
 
-// Signed distances of a shape and, if `with_normal`, its normals at the points of a query: four rows (distance, x, y, z), `stride`
-// floats apart.
+// Signed distances of a shape and, if `with_normal`, its normals at the points of a query: four rows (distance, x, y, z),
+// `stride` floats apart.
 struct Samples {
     float* rows;
     int64_t stride;

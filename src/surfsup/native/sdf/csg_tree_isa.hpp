@@ -87,15 +87,12 @@ inline Dual cone(const Points& p, float height, float bottom, float top) {
     const Dual to_edges = larger(to_side, absolute(axial) - half);
     const Ints next_to_bottom =
         (beyond_bottom.value > 0.0f) & (beyond_bottom.value * side_radial + above_bottom.value * side_axial < 0.0f);
-    const Ints next_to_top =
-        (beyond_top.value > 0.0f) & (beyond_top.value * side_radial + above_top.value * side_axial > 0.0f);
+    const Ints next_to_top = (beyond_top.value > 0.0f) & (beyond_top.value * side_radial + above_top.value * side_axial > 0.0f);
     return where(next_to_bottom, length(beyond_bottom, above_bottom),
                  where(next_to_top, length(beyond_top, above_top), to_edges));
 }
 
-inline Dual torus(const Points& p, float major, float minor) {
-    return length(axis_distance(p) - major, z_of(p)) - minor;
-}
+inline Dual torus(const Points& p, float major, float minor) { return length(axis_distance(p) - major, z_of(p)) - minor; }
 
 inline Dual bowl(const Points& p, float capture, float filter, float wall) {
     const float middle = capture + wall / 2, outer = capture + wall;

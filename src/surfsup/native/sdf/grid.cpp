@@ -18,7 +18,8 @@ double interpolate(const SdfGrid<double>& grid, const Point& point, Point& gradi
     return distance;
 }
 
-void interpolate(const SdfGrid<double>& grid, const double* points, int32_t count, double* distance, double* gradient, int threads) {
+void interpolate(const SdfGrid<double>& grid, const double* points, int32_t count, double* distance, double* gradient,
+                 int threads) {
     in_parallel(threads, count, CHUNK, [&](int, int32_t begin, int32_t end) {
         for (int64_t i = begin; i < end; ++i) {
             Point mean;

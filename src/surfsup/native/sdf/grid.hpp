@@ -21,7 +21,8 @@ struct SdfGrid {
 double interpolate(const SdfGrid<double>& grid, const Point& point, Point& gradient);
 
 // Signed distance (count) and mean gradient (count, 3) at points (count, 3) inside the grid.
-void interpolate(const SdfGrid<double>& grid, const double* points, int32_t count, double* distance, double* gradient, int threads);
+void interpolate(const SdfGrid<double>& grid, const double* points, int32_t count, double* distance, double* gradient,
+                 int threads);
 
 // Internal linkage: every instruction set compiles its own.
 namespace {

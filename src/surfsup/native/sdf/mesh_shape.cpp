@@ -22,16 +22,18 @@ bool contains(const SdfGrid<double>& grid, const Point& point) {
 // Distance and unit normal of a point outside the bounding box of the mesh, from the nearest point on the grid's border.
 double extrapolate(const SdfGrid<double>& grid, const Point& point, Point& normal) {
     Point border, gradient, away;
-    for (size_t axis = 0; axis < 3; ++axis) border[axis] = std::min(std::max(point[axis], grid.lower[axis]), upper_corner(grid, axis));
-    const double distance = interpolate(grid, border, gradient), slope = length(gradient), scale = slope > 0 ? distance / slope : 0;
+    for (size_t axis = 0; axis < 3; ++axis)
+        border[axis] = std::min(std::max(point[axis], grid.lower[axis]), upper_corner(grid, axis));
+    const double distance = interpolate(grid, border, gradient), slope = length(gradient),
+                 scale = slope > 0 ? distance / slope : 0;
     for (size_t axis = 0; axis < 3; ++axis) away[axis] = point[axis] - border[axis] + scale * gradient[axis];
     const double far_distance = length(away);
     normal = scaled(away, far_distance > 0 ? 1 / far_distance : 1);
     return far_distance;
 }
 
-// Signed distance by the triangles. It is at most that to the nearest node plus that of the node from the surface. As long as the
-// node is nearer than the surface, both points are on the same side.
+// Signed distance by the triangles. It is at most that to the nearest node plus that of the node from the surface. As long as
+// the node is nearer than the surface, both points are on the same side.
 double query_triangles(const MeshDistance& mesh, const Point& point, Point& normal) {
     const SdfGrid<double>& grid = mesh.fine;
     double squared = 0;

@@ -25,7 +25,8 @@ class MeshShape : public SampledShape {
 public:
     explicit MeshShape(std::shared_ptr<const MeshDistance> mesh) : mesh_(std::move(mesh)) {}
 
-    void sample(const Isa&, const float* points, int32_t count, const Samples&, int32_t* indices, float* scratch) const override;
+    void sample(const Isa&, const float* points, int32_t count, const Samples&, int32_t* indices,
+                float* scratch) const override;
     void sample_undecided(const float* points, int32_t count, float* distance, float* normal) const override {
         mesh_->query_undecided(points, count, distance, normal);
     }

@@ -11,8 +11,8 @@ struct NeuralLayer {
     const float *hidden, *input, *bias;
 };
 
-// A network whose activations are sines of `frequency` times the argument or, if that is zero, rectified linear units. Inputs are a
-// position and the sines and cosines of `octaves` multiples of it.
+// A network whose activations are sines of `frequency` times the argument or, if that is zero, rectified linear units. Inputs
+// are a position and the sines and cosines of `octaves` multiples of it.
 struct NeuralField {
     const NeuralLayer* layers;
     int layer_count, width, octaves;

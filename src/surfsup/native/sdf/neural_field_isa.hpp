@@ -8,23 +8,25 @@
 namespace ISA {
 namespace {
 
+using surfsup::interpolate_table;
 using surfsup::NeuralField;
 using surfsup::NeuralLayer;
 using surfsup::Samples;
 using surfsup::SdfGrid;
-using surfsup::Vector4;
-using surfsup::interpolate_table;
 using surfsup::upper_corner;
+using surfsup::Vector4;
 
 // Sine and cosine with an error of 2e-7 for arguments up to some thousands. Results stay bounded for any larger argument.
 inline void sine_and_cosine(Floats x, Floats& sine, Floats& cosine) {
     const Floats quarter_turns = rounded(x * 0.636619772f);
-    Floats rest = ((x - quarter_turns * 1.5703125f) - quarter_turns * 4.837512969970703125e-4f) - quarter_turns * 7.549789948768648e-8f;
+    Floats rest =
+        ((x - quarter_turns * 1.5703125f) - quarter_turns * 4.837512969970703125e-4f) - quarter_turns * 7.549789948768648e-8f;
     rest = at_least(at_most(rest, 0.8f), -0.8f);
     const Floats square = rest * rest;  // Cephes sinf, cosf
     const Floats s = rest + rest * square * (-1.6666654611e-1f + square * (8.3321608736e-3f - square * 1.9515295891e-4f));
-    const Floats c = 1.0f - 0.5f * square +
-                     square * square * (4.166664568298827e-2f + square * (-1.388731625493765e-3f + square * 2.443315711809948e-5f));
+    const Floats c =
+        1.0f - 0.5f * square +
+        square * square * (4.166664568298827e-2f + square * (-1.388731625493765e-3f + square * 2.443315711809948e-5f));
     const Ints quadrant = __builtin_convertvector(quarter_turns, Ints);
     const Ints swapped = (quadrant & 1) != 0;
     const Floats unsigned_sine = swapped ? c : s, unsigned_cosine = swapped ? s : c;
@@ -32,14 +34,15 @@ inline void sine_and_cosine(Floats x, Floats& sine, Floats& cosine) {
     cosine = ((quadrant + 1) & 2) != 0 ? -unsigned_cosine : unsigned_cosine;
 }
 
-constexpr int MAX_VECTORS = 3;     // vectors of points that pass through a network side by side
+constexpr int MAX_VECTORS = 3;    // vectors of points that pass through a network side by side
 constexpr int CHANNEL_BLOCK = 4;  // channels computed at once: 4 x 3 sums fit 16 registers
 
 // For every channel, the sum over `inputs` of weights times rows of VECTORS vectors. Calls `use(channel, vector, sum)` for each
-// vector of a sum. The weights of successive channels are `channel_stride` floats apart, those of successive inputs `input_stride`.
+// vector of a sum. The weights of successive channels are `channel_stride` floats apart, those of successive inputs
+// `input_stride`.
 template <int VECTORS, typename Use>
-__attribute__((noinline)) void sum_rows(const float* weights, int64_t channel_stride, int64_t input_stride, int channels, int inputs,
-                                        const float* rows, Use use) {
+__attribute__((noinline)) void sum_rows(const float* weights, int64_t channel_stride, int64_t input_stride, int channels,
+                                        int inputs, const float* rows, Use use) {
     constexpr int ROW = VECTORS * LANES;
     int channel = 0;
     for (; channel + CHANNEL_BLOCK <= channels; channel += CHANNEL_BLOCK) {
@@ -95,7 +98,7 @@ inline void backpropagate_octaves(const NeuralField& field, const float* rows, f
         const int sines = (3 + 6 * octave) * ROW, cosines = (6 + 6 * octave) * ROW;
         for (int at = 0; at < 3 * ROW; at += LANES)
             store(gradient + at, load(gradient + at) + frequency * (load(gradient + sines + at) * load(rows + cosines + at) -
-                                                               load(gradient + cosines + at) * load(rows + sines + at)));
+                                                                    load(gradient + cosines + at) * load(rows + sines + at)));
     }
 }
 
@@ -159,9 +162,8 @@ void evaluate_network(const NeuralField& field, float* scratch, Floats (&value)[
                 store(to, load(to) + sum);
             });
         if (number > 0)
-            sum_rows<VECTORS>(layer.hidden, 1, width, width, width, current, [&](int channel, int v, Floats sum) {
-                store(next + channel * ROW + v * LANES, sum);
-            });
+            sum_rows<VECTORS>(layer.hidden, 1, width, width, width, current,
+                              [&](int channel, int v, Floats sum) { store(next + channel * ROW + v * LANES, sum); });
     }
     backpropagate_octaves<VECTORS>(field, input, input_gradient);
     std::memcpy(input, input_gradient, 4 * 3 * ROW);
@@ -169,17 +171,19 @@ void evaluate_network(const NeuralField& field, float* scratch, Floats (&value)[
 
 // Evaluates the network at the points with `indices` (count) and writes their columns of the samples.
 template <int VECTORS>
-inline void evaluate_points(const NeuralField& field, const float* points, const int32_t* indices, int count, const Samples& samples,
-                            float* scratch) {
+inline void evaluate_points(const NeuralField& field, const float* points, const int32_t* indices, int count,
+                            const Samples& samples, float* scratch) {
     constexpr int ROW = VECTORS * LANES;
     for (int k = 0; k < ROW; ++k)
-        for (int axis = 0; axis < 3; ++axis) scratch[axis * ROW + k] = points[3 * static_cast<int64_t>(indices[k < count ? k : 0]) + axis];
+        for (int axis = 0; axis < 3; ++axis)
+            scratch[axis * ROW + k] = points[3 * static_cast<int64_t>(indices[k < count ? k : 0]) + axis];
     Floats value[VECTORS];
     evaluate_network<VECTORS>(field, scratch, value, samples.with_normal);
     for (int k = 0; k < count; ++k) {
         samples.rows[indices[k]] = value[k / LANES][k % LANES];
         if (samples.with_normal)
-            for (int axis = 0; axis < 3; ++axis) samples.rows[(1 + axis) * samples.stride + indices[k]] = scratch[axis * ROW + k];
+            for (int axis = 0; axis < 3; ++axis)
+                samples.rows[(1 + axis) * samples.stride + indices[k]] = scratch[axis * ROW + k];
     }
 }
 
@@ -225,7 +229,8 @@ void sample_field(const NeuralField& field, const float* points, int32_t count, 
     for (int32_t done = 0; done < near;) {
         const int32_t left = near - done;
         if (left > 2 * LANES)
-            evaluate_points<3>(field, points, indices + done, left < 3 * LANES ? left : 3 * LANES, samples, scratch), done += 3 * LANES;
+            evaluate_points<3>(field, points, indices + done, left < 3 * LANES ? left : 3 * LANES, samples, scratch),
+                done += 3 * LANES;
         else if (left > LANES)
             evaluate_points<2>(field, points, indices + done, left, samples, scratch), done += 2 * LANES;
         else

@@ -16,9 +16,10 @@ public:
     // Number of floats that `sample` needs as scratch memory.
     virtual int64_t scratch_size(const Isa&) const { return 0; }
 
-    // Writes signed distances and normals of points (count, 3). `indices` has room for `count`. Points that it cannot decide get a
-    // distance of NaN.
-    virtual void sample(const Isa&, const float* points, int32_t count, const Samples&, int32_t* indices, float* scratch) const = 0;
+    // Writes signed distances and normals of points (count, 3). `indices` has room for `count`. Points that it cannot decide
+    // get a distance of NaN.
+    virtual void sample(const Isa&, const float* points, int32_t count, const Samples&, int32_t* indices,
+                        float* scratch) const = 0;
 
     // Writes distance (count) and normal (count, 3) of points that `sample` could not decide. Runs in the calling thread.
     virtual void sample_undecided(const float* points, int32_t count, float* distance, float* normal) const = 0;

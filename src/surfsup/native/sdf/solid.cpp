@@ -10,7 +10,8 @@
 namespace surfsup {
 namespace {
 
-// Points per task of a thread. Networks and meshes take longer per point than closed forms, so that smaller chunks balance better.
+// Points per task of a thread. Networks and meshes take longer per point than closed forms, so that smaller chunks balance
+// better.
 constexpr int32_t CHUNK = 4096, SAMPLED_CHUNK = 512;
 constexpr int64_t MAX_LANES = 16;
 constexpr float NOT_A_NUMBER = std::numeric_limits<float>::quiet_NaN();
@@ -69,8 +70,8 @@ Solid::Solid(const std::string& kind, const std::vector<float>& parameters, cons
     const bool right_parameters = expected.parameters < 0 ? parameter_count > 0 && parameter_count % BOX_PARAMETERS == 0
                                                           : parameter_count == expected.parameters;
     if (!right_parameters || (expected.parts < 0 ? part_count == 0 : part_count != expected.parts))
-        throw std::invalid_argument("a native '" + kind + "' cannot have " + std::to_string(parameter_count) + " parameters and " +
-                                    std::to_string(part_count) + " parts");
+        throw std::invalid_argument("a native '" + kind + "' cannot have " + std::to_string(parameter_count) +
+                                    " parameters and " + std::to_string(part_count) + " parts");
     std::vector<int32_t> roots;
     for (const Solid* part : parts) {
         const auto first_node = static_cast<int32_t>(nodes_.size()), first_parameter = static_cast<int32_t>(parameters_.size());
@@ -88,13 +89,14 @@ Solid::Solid(const std::string& kind, const std::vector<float>& parameters, cons
         parameters_.insert(parameters_.end(), part->parameters_.begin(), part->parameters_.end());
         roots.push_back(static_cast<int32_t>(nodes_.size()) - 1);
     }
-    nodes_.push_back({expected.kind, static_cast<int32_t>(parameters_.size()), parameter_count, static_cast<int32_t>(parts_.size()),
-                      part_count});
+    nodes_.push_back({expected.kind, static_cast<int32_t>(parameters_.size()), parameter_count,
+                      static_cast<int32_t>(parts_.size()), part_count});
     parameters_.insert(parameters_.end(), parameters.begin(), parameters.end());
     parts_.insert(parts_.end(), roots.begin(), roots.end());
 }
 
-Solid::Solid(std::shared_ptr<const SampledShape> shape) : nodes_{{Kind::sampled, 0, 0, 0, 0}}, shapes_{{std::move(shape), {}}} {}
+Solid::Solid(std::shared_ptr<const SampledShape> shape)
+    : nodes_{{Kind::sampled, 0, 0, 0, 0}}, shapes_{{std::move(shape), {}}} {}
 
 void Solid::evaluate(const float* points, int32_t count, float* distance, float* normal, const Isa& isa, int threads) const {
     const int64_t stride = static_cast<int64_t>(count) + MAX_LANES;  // vectors may extend beyond the last point
@@ -104,10 +106,10 @@ void Solid::evaluate(const float* points, int32_t count, float* distance, float*
         samples.push_back({rows.data() + 4 * stride * static_cast<int64_t>(samples.size()), stride, normal != nullptr});
         sample(placed, isa, points, count, samples.back(), threads);
     }
-    const CsgTree tree{nodes_.data(), parameters_.data(), parts_.data(), static_cast<int32_t>(nodes_.size()) - 1, samples.data()};
-    in_parallel(threads, count, CHUNK, [&](int, int32_t begin, int32_t end) {
-        isa.evaluate_tree(tree, points, begin, end, distance, normal);
-    });
+    const CsgTree tree{nodes_.data(), parameters_.data(), parts_.data(), static_cast<int32_t>(nodes_.size()) - 1,
+                       samples.data()};
+    in_parallel(threads, count, CHUNK,
+                [&](int, int32_t begin, int32_t end) { isa.evaluate_tree(tree, points, begin, end, distance, normal); });
 }
 
 void Solid::sample(const PlacedShape& placed, const Isa& isa, const float* points, int32_t count, const Samples& samples,
@@ -134,7 +136,8 @@ void Solid::sample(const PlacedShape& placed, const Isa& isa, const float* point
     for (int32_t i = 0; i < count; ++i) {
         if (samples.rows[i] == samples.rows[i]) continue;
         indices.push_back(i);
-        undecided.insert(undecided.end(), own.data() + 3 * static_cast<int64_t>(i), own.data() + 3 * static_cast<int64_t>(i) + 3);
+        undecided.insert(undecided.end(), own.data() + 3 * static_cast<int64_t>(i),
+                         own.data() + 3 * static_cast<int64_t>(i) + 3);
     }
     if (indices.empty()) return;
     std::vector<float> distance(indices.size(), NOT_A_NUMBER), normal(undecided.size(), NOT_A_NUMBER);

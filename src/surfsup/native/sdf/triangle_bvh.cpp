@@ -14,10 +14,10 @@ namespace {
 
 using FloatPoint = std::array<float, 3>;
 
-constexpr int32_t MAX_LEAF_SIZE = 8;       // triangles in a leaf
-constexpr int32_t CHUNK = 256;             // points per task of a thread
+constexpr int32_t MAX_LEAF_SIZE = 8;      // triangles in a leaf
+constexpr int32_t CHUNK = 256;            // points per task of a thread
 constexpr float BOUND_FACTOR = 1.00001f;  // keeps a triangle at exactly the maximum distance
-constexpr int STACK_SIZE = 64;             // halving 2^31 triangles gives a depth of 30, with two entries per level
+constexpr int STACK_SIZE = 64;            // halving 2^31 triangles gives a depth of 30, with two entries per level
 
 template <typename Vector>
 auto dot(const Vector& a, const Vector& b) {
@@ -34,8 +34,8 @@ Vector plus(const Vector& a, Number s, const Vector& b, Number t, const Vector& 
     return {a[0] + s * b[0] + t * c[0], a[1] + s * b[1] + t * c[1], a[2] + s * b[2] + t * c[2]};
 }
 
-// The point on a triangle closest to a point (C. Ericson, "Real-Time Collision Detection", 2005, section 5.1.5). Edges of length
-// zero are skipped, so that triangles that degenerate to a segment or a point work, too.
+// The point on a triangle closest to a point (C. Ericson, "Real-Time Collision Detection", 2005, section 5.1.5). Edges of
+// length zero are skipped, so that triangles that degenerate to a segment or a point work, too.
 template <typename Vector>
 Vector closest_on(const std::array<Vector, 3>& triangle, const Vector& point) {
     using Number = typename Vector::value_type;
@@ -120,7 +120,8 @@ TriangleBvh::TriangleBvh(const double* vertices, int64_t vertex_count, const int
 
 int32_t TriangleBvh::build(const std::vector<FloatPoint>& centroids, int32_t begin, int32_t end) {
     const auto index = static_cast<int32_t>(nodes_.size());
-    FloatPoint lower{INFINITE, INFINITE, INFINITE}, upper{-INFINITE, -INFINITE, -INFINITE}, min_centroid = lower, max_centroid = upper;
+    FloatPoint lower{INFINITE, INFINITE, INFINITE}, upper{-INFINITE, -INFINITE, -INFINITE}, min_centroid = lower,
+                                                                                            max_centroid = upper;
     for (int32_t k = begin; k < end; ++k) {
         const auto face = static_cast<size_t>(faces_[static_cast<size_t>(k)]);
         for (size_t axis = 0; axis < 3; ++axis) {

@@ -9,8 +9,8 @@
 
 namespace surfsup {
 
-// A hierarchy of axis-aligned boxes. The nearest triangle is searched in single precision, which needs half the memory; the nearest
-// point on it is computed in double precision.
+// A hierarchy of axis-aligned boxes. The nearest triangle is searched in single precision, which needs half the memory; the
+// nearest point on it is computed in double precision.
 class TriangleBvh {
 public:
     // Vertices (vertex_count, 3) in meters and faces (face_count, 3). Throws std::out_of_range for an invalid vertex index.
@@ -26,8 +26,8 @@ public:
     Nearest nearest(const Point& point, double max_distance) const;
 
     // Distance, face and closest point (count, 3) of points (count, 3). `max_distance` (count) may be null.
-    void nearest(const double* points, const double* max_distance, int32_t count, double* distance, int64_t* face, double* closest,
-                 int threads) const;
+    void nearest(const double* points, const double* max_distance, int32_t count, double* distance, int64_t* face,
+                 double* closest, int threads) const;
 
 private:
     using FloatPoint = std::array<float, 3>;  // relative to the center of the mesh

@@ -17,7 +17,8 @@ constexpr float MAP_ERROR = 3e-3f;
 inline void add_solid(const SolverParameters& p, float distance, float fraction, float& density, float& slope) {
     const BoundaryParameters& b = p.boundary;
     slope = 0.0f;
-    const float shifted = distance + b.distance_offset, q = (shifted < b.min_distance ? b.min_distance : shifted) / p.kernel_support;
+    const float shifted = distance + b.distance_offset,
+                q = (shifted < b.min_distance ? b.min_distance : shifted) / p.kernel_support;
     if (q >= 1.0f) return;
     const float outer = 1.0f - q, inner = q < 0.5f ? 0.5f - q : 0.0f, strength = b.strength * fraction;
     density += strength * (2.0f * outer * outer * outer - 8.0f * inner * inner * inner);
@@ -39,7 +40,7 @@ inline float plane_fraction(const BoundaryParameters& b, float distance) {
 // Adds the density of the container's walls at a position and writes its gradient, 1/m.
 inline void add_walls(const Frame& frame, const float* position, float& density, float* gradient) {
     const SolverParameters& p = *frame.parameters;
-    float distance[3], product = 1.0f, open = 0.0f, weighted_side = 0.0f, square = 0.0f, left = 1.0f, slope;
+    float distance[3], product = 1.0f, open = 0.0f, weighted_side = 0.0f, square = 0.0f, free_fraction = 1.0f, slope;
     for (int axis = 0; axis < 3; ++axis) {
         const float below = position[axis] - frame.lower[axis], above = frame.upper[axis] - position[axis];
         distance[axis] = below < above ? below : above;
@@ -48,7 +49,8 @@ inline void add_walls(const Frame& frame, const float* position, float& density,
     if (distance[0] >= frame.wall_cell[0] && distance[1] >= frame.wall_cell[1] && distance[2] >= frame.wall_cell[2]) return;
     for (int axis = 0; axis < 3; ++axis) {
         const float cell = frame.wall_cell[axis];
-        const float part = (distance[axis] < p.boundary.min_wall_distance ? p.boundary.min_wall_distance : distance[axis]) / cell;
+        const float part =
+            (distance[axis] < p.boundary.min_wall_distance ? p.boundary.min_wall_distance : distance[axis]) / cell;
         if (part >= 1.0f) continue;
         const float steep = 1.0f / (part * cell);
         product *= part;
@@ -58,15 +60,16 @@ inline void add_walls(const Frame& frame, const float* position, float& density,
         gradient[axis] = position[axis] - frame.lower[axis] < frame.upper[axis] - position[axis] ? -steep : steep;
     }
     if (open == 0.0f) return;
-    for (const float one : distance) left *= 1.0f - plane_fraction(p.boundary, one);
-    add_solid(p, product * weighted_side / open, 1.0f - left, density, slope);
+    for (const float d : distance) free_fraction *= 1.0f - plane_fraction(p.boundary, d);
+    add_solid(p, product * weighted_side / open, 1.0f - free_fraction, density, slope);
     const float scale = slope / __builtin_sqrtf(square);
     for (int axis = 0; axis < 3; ++axis) gradient[axis] *= scale;
 }
 
-// Density of solid and walls at a position, and its gradient, 1/m. Skips the solid where `min_solid_distance` exceeds the kernel
-// support; lowers or raises that bound where the solid is near.
-inline float boundary_density(const Frame& frame, int64_t caller, const float* position, float& min_solid_distance, float* gradient) {
+// Density of solid and walls at a position, and its gradient, 1/m. Skips the solid if `min_solid_distance`, a lower bound of
+// the distance, exceeds the kernel support. Updates that bound near the solid.
+inline float boundary_density(const Frame& frame, int64_t caller, const float* position, float& min_solid_distance,
+                              float* gradient) {
     const SolverParameters& p = *frame.parameters;
     float density = 0.0f, slope, distance, fraction, normal[3];
     add_walls(frame, position, density, gradient);
@@ -75,7 +78,7 @@ inline float boundary_density(const Frame& frame, int64_t caller, const float* p
     if (frame.boundary_map.cell_indices) {
         interpolate(frame.boundary_map, position, distance, fraction, normal);
     } else {
-        // Without a map the solid is a plane through its nearest point, as seen from the predicted position.
+        // Without a map the solid is the tangent plane at the point nearest to the predicted position.
         const float* predicted = frame.predicted_positions + 3 * caller;
         distance = frame.solid_distance[caller];
         for (int axis = 0; axis < 3; ++axis) {
@@ -84,7 +87,7 @@ inline float boundary_density(const Frame& frame, int64_t caller, const float* p
         }
         fraction = plane_fraction(p.boundary, distance);
     }
-    if (distance < p.kernel_support) min_solid_distance = distance - MAP_ERROR;  // a place outside the map has no distance
+    if (distance < p.kernel_support) min_solid_distance = distance - MAP_ERROR;  // outside the map the distance is unknown
     add_solid(p, distance, fraction, density, slope);
     for (int axis = 0; axis < 3; ++axis) gradient[axis] -= slope * normal[axis];
     return density;

@@ -1,4 +1,4 @@
-// Boundary volume map of a solid: signed distance and volume fraction in cubic cells, see sph/boundary/map_interpolation.py.
+// Boundary volume map of a solid: signed distance and volume fraction in cubic cells, see sph/boundary/boundary_map.py.
 #pragma once
 
 #include <cstddef>
@@ -9,8 +9,8 @@ namespace surfsup {
 
 constexpr int NODES = 32;  // of a cubic serendipity cell
 
-// The nodes of a cell are contiguous: their distances, then their volume fractions. The last cell stands for all places that
-// lie in no stored cell.
+// The nodes of a cell are contiguous: their distances, then their volume fractions. The last cell holds the
+// values outside all stored cells.
 struct BoundaryMapView {
     float lower[3], cells_per_meter[3];
     int32_t resolution[3];

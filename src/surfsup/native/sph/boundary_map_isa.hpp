@@ -28,7 +28,8 @@ struct NodeSums {
     Eight distance{}, fraction{}, gradient[3]{};
 };
 
-inline void add_nodes(const float* nodes, Eight shape, Eight along, Eight first, Eight second, int axis, int one, int other, NodeSums& sums) {
+inline void add_nodes(const float* nodes, Eight shape, Eight along, Eight first, Eight second, int axis, int one, int other,
+                      NodeSums& sums) {
     const Eight distance = load_eight(nodes);
     sums.distance += shape * distance;
     sums.fraction += shape * load_eight(nodes + NODES);
@@ -41,10 +42,11 @@ inline void add_nodes(const float* nodes, Eight shape, Eight along, Eight first,
 inline void add_edges(const float* nodes, const float* local, int axis, int one, int other, NodeSums& sums) {
     const float bubble = 1.0f - local[axis] * local[axis];
     const Eight third = 1.0f + 9.0f * INNER * local[axis];
-    const Eight along = 9.0f / 64.0f * (bubble * 9.0f * INNER - 2.0f * local[axis] * third), value = 9.0f / 64.0f * bubble * third;
+    const Eight along = 9.0f / 64.0f * (bubble * 9.0f * INNER - 2.0f * local[axis] * third),
+                value = 9.0f / 64.0f * bubble * third;
     const Eight of_one = 1.0f + FIRST * local[one], of_other = 1.0f + SECOND * local[other];
-    add_nodes(nodes, value * of_one * of_other, along * of_one * of_other, value * FIRST * of_other, value * of_one * SECOND, axis, one,
-              other, sums);
+    add_nodes(nodes, value * of_one * of_other, along * of_one * of_other, value * FIRST * of_other, value * of_one * SECOND,
+              axis, one, other, sums);
 }
 
 // Signed distance in meters, volume fraction and unit normal of the solid at a position.
@@ -53,7 +55,8 @@ inline void interpolate(const BoundaryMapView& map, const float* position, float
     int64_t number = 0, stride = 1;
     bool inside = true;
     for (int axis = 0; axis < 3; ++axis) {
-        const float rotated = position[0] * map.rotation[axis] + position[1] * map.rotation[3 + axis] + position[2] * map.rotation[6 + axis];
+        const float rotated =
+            position[0] * map.rotation[axis] + position[1] * map.rotation[3 + axis] + position[2] * map.rotation[6 + axis];
         const float cells = (rotated - map.lower[axis]) * map.cells_per_meter[axis];
         inside = inside && cells >= 0.0f && cells < static_cast<float>(map.resolution[axis]);
         const int32_t index = inside ? static_cast<int32_t>(cells) : 0;
@@ -77,13 +80,15 @@ inline void interpolate(const BoundaryMapView& map, const float* position, float
     NodeSums nodal;
     constexpr float PART = 1.0f / 64.0f;
     add_nodes(nodes, PART * all * radial, PART * (CORNER_X * y * z * radial + all * (18.0f * local[0])),
-              PART * (CORNER_Y * x * z * radial + all * (18.0f * local[1])), PART * (CORNER_Z * x * y * radial + all * (18.0f * local[2])), 0, 1, 2,
-              nodal);
+              PART * (CORNER_Y * x * z * radial + all * (18.0f * local[1])),
+              PART * (CORNER_Z * x * y * radial + all * (18.0f * local[2])), 0, 1, 2, nodal);
     add_edges(nodes + 8, local, 0, 1, 2, nodal);
     add_edges(nodes + 16, local, 1, 2, 0, nodal);
     add_edges(nodes + 24, local, 2, 0, 1, nodal);
     float sums[8];
-    sum_each({nodal.distance, nodal.fraction, nodal.gradient[0], nodal.gradient[1], nodal.gradient[2], Eight{}, Eight{}, Eight{}}, sums);
+    sum_each(
+        {nodal.distance, nodal.fraction, nodal.gradient[0], nodal.gradient[1], nodal.gradient[2], Eight{}, Eight{}, Eight{}},
+        sums);
     distance = sums[0];
     fraction = sums[1];
     float gradient[3], square = 0.0f;
@@ -93,7 +98,8 @@ inline void interpolate(const BoundaryMapView& map, const float* position, float
     }
     const float scale = 1.0f / (__builtin_sqrtf(square) + 1e-12f);
     for (int axis = 0; axis < 3; ++axis)
-        normal[axis] = scale * (map.rotation[3 * axis] * gradient[0] + map.rotation[3 * axis + 1] * gradient[1] + map.rotation[3 * axis + 2] * gradient[2]);
+        normal[axis] = scale * (map.rotation[3 * axis] * gradient[0] + map.rotation[3 * axis + 1] * gradient[1] +
+                                map.rotation[3 * axis + 2] * gradient[2]);
 }
 
 }  // namespace

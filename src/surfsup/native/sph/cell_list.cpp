@@ -8,7 +8,7 @@ namespace surfsup {
 namespace {
 
 constexpr double CELL_SCALE = 1.0001;  // cell side over kernel support: rounding must not put neighbors two cells apart
-constexpr double MAX_CELL = 1 << 20;  // along an axis; particles beyond share the last cell
+constexpr double MAX_CELL = 1 << 20;   // along an axis; particles beyond share the last cell
 constexpr int64_t CELLS_PER_PARTICLE = 4;
 
 // Cell coordinate along one axis. NaN goes to cell 0: it has no neighbors anyway.
@@ -44,7 +44,7 @@ bool CellList::sort(const float* positions, int32_t count, float kernel_support)
 
     first_.assign(static_cast<size_t>(total + 1), 0);
     unsorted_.resize(static_cast<size_t>(count));
-    of_.resize(static_cast<size_t>(count));
+    cell_of_.resize(static_cast<size_t>(count));
     order_.resize(static_cast<size_t>(count));
     for (int64_t i = 0; i < count; ++i) {
         int32_t tile = 0, in_tile = 0;
@@ -57,14 +57,13 @@ bool CellList::sort(const float* positions, int32_t count, float kernel_support)
         unsorted_[static_cast<size_t>(i)] = cell;
         ++first_[static_cast<size_t>(cell) + 1];
     }
-    for (int64_t cell = 0; cell < total; ++cell)
-        first_[static_cast<size_t>(cell) + 1] += first_[static_cast<size_t>(cell)];
+    for (int64_t cell = 0; cell < total; ++cell) first_[static_cast<size_t>(cell) + 1] += first_[static_cast<size_t>(cell)];
     // Counting sort from the last particle to the first, which keeps the caller's order within a cell.
     for (int64_t i = count - 1; i >= 0; --i) {
         const int32_t cell = unsorted_[static_cast<size_t>(i)];
         const int32_t at = --first_[static_cast<size_t>(cell) + 1];
         order_[static_cast<size_t>(at)] = static_cast<int32_t>(i);
-        of_[static_cast<size_t>(at)] = cell;
+        cell_of_[static_cast<size_t>(at)] = cell;
     }
     // first_[cell + 1] now is the first particle of the cell: shift by one.
     std::rotate(first_.begin(), first_.begin() + 1, first_.end());
@@ -72,6 +71,6 @@ bool CellList::sort(const float* positions, int32_t count, float kernel_support)
     return finite;
 }
 
-Cells CellList::cells() const { return {{size_[0], size_[1], size_[2]}, first_.data(), of_.data()}; }
+Cells CellList::cells() const { return {{size_[0], size_[1], size_[2]}, first_.data(), cell_of_.data()}; }
 
 }  // namespace surfsup

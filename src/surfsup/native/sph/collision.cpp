@@ -44,7 +44,9 @@ std::vector<int32_t> possibly_near(const float* positions, const LastQuery& last
     std::vector<int32_t> near;
     for (int32_t i = 0; i < count; ++i) {
         const int64_t at = 3 * static_cast<int64_t>(i);
-        if (!(LIPSCHITZ_BOUND * distance_between(last_query.positions + at, positions + at) < last_query.distance[i] - clearance)) near.push_back(i);
+        if (!(LIPSCHITZ_BOUND * distance_between(last_query.positions + at, positions + at) <
+              last_query.distance[i] - clearance))
+            near.push_back(i);
     }
     return near;
 }
@@ -55,7 +57,8 @@ struct SubsetQuery {
 
     void run(const SolidQuery& solid, const float* positions, const std::vector<int32_t>& subset, bool with_normal) {
         points.clear();
-        for (const int32_t i : subset) points.insert(points.end(), positions + 3 * static_cast<int64_t>(i), positions + 3 * static_cast<int64_t>(i) + 3);
+        for (const int32_t i : subset)
+            points.insert(points.end(), positions + 3 * static_cast<int64_t>(i), positions + 3 * static_cast<int64_t>(i) + 3);
         distance.resize(subset.size()), normal.resize(points.size());
         solid(points.data(), static_cast<int32_t>(subset.size()), distance.data(), with_normal ? normal.data() : nullptr);
     }
@@ -76,7 +79,8 @@ void update_query(const float* positions, int32_t count, float clearance, const 
         }
     }
     for (int64_t i = 0; i < count; ++i)
-        lower_bound[i] = last_query.distance[i] - LIPSCHITZ_BOUND * distance_between(last_query.positions + 3 * i, positions + 3 * i);
+        lower_bound[i] =
+            last_query.distance[i] - LIPSCHITZ_BOUND * distance_between(last_query.positions + 3 * i, positions + 3 * i);
 }
 
 void resolve_collisions(const float* before, float* positions, float* velocities, bool* collided, int32_t count,
@@ -114,7 +118,8 @@ void resolve_collisions(const float* before, float* positions, float* velocities
     query.run(solid, positions, active, false);
     for (size_t k = 0; k < active.size(); ++k) {
         if (!(query.distance[k] < 0)) continue;
-        for (int64_t at = 3 * static_cast<int64_t>(active[k]), end = at + 3; at < end; ++at) positions[at] = before[at], velocities[at] = 0;
+        for (int64_t at = 3 * static_cast<int64_t>(active[k]), end = at + 3; at < end; ++at)
+            positions[at] = before[at], velocities[at] = 0;
     }
 }
 

@@ -1,4 +1,5 @@
-// Collision handling and the energy balance of a frame. Arrays of particles are (count, 3); positions in meters, velocities in m/s.
+// Collision handling and the energy balance of a frame. Arrays of particles are (count, 3); positions in meters, velocities in
+// m/s.
 #pragma once
 
 #include <cstdint>

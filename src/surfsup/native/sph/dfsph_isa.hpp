@@ -33,7 +33,7 @@ struct NeighborSums {
     float kernel, gradient[3], squared_gradient, approach, viscous[3], velocity_difference[3];
 };
 
-// With RECORD also the sums that only a correcting network needs.
+// With RECORD also the sums for a correcting network.
 template <bool RECORD>
 inline NeighborSums sum_neighbors(const Frame& frame, int32_t i) {
     const SolverParameters& p = *frame.parameters;
@@ -51,36 +51,41 @@ inline NeighborSums sum_neighbors(const Frame& frame, int32_t i) {
         const Kernels kernels = kernels_at(x, y, z);
         store(neighbors.gradient_factors + k, kernels.gradient_factor);
         value += kernels.value;
-        gradient_x += kernels.gradient_factor * x, gradient_y += kernels.gradient_factor * y, gradient_z += kernels.gradient_factor * z;
+        gradient_x += kernels.gradient_factor * x, gradient_y += kernels.gradient_factor * y,
+            gradient_z += kernels.gradient_factor * z;
         squares += kernels.steepness * kernels.steepness;
         const Floats rate = kernels.gradient_factor * (x * vx + y * vy + z * vz);
         const Floats friction = rate * reciprocal(kernels.squared_distance + p.viscosity_softening);
         approach += rate;
         viscous_x += friction * x, viscous_y += friction * y, viscous_z += friction * z;
-        if constexpr (RECORD) difference_x += kernels.value * vx, difference_y += kernels.value * vy, difference_z += kernels.value * vz;
+        if constexpr (RECORD)
+            difference_x += kernels.value * vx, difference_y += kernels.value * vy, difference_z += kernels.value * vz;
     }
-    float of[8];
-    sum_each({as_eight(value), as_eight(gradient_x), as_eight(gradient_y), as_eight(gradient_z), as_eight(squares), as_eight(approach),
-              as_eight(viscous_x), as_eight(viscous_y)},
-             of);
-    NeighborSums sums{of[0], {of[1], of[2], of[3]}, of[4], of[5], {of[6], of[7], sum(viscous_z)}, {}};
+    float totals[8];
+    sum_each({as_eight(value), as_eight(gradient_x), as_eight(gradient_y), as_eight(gradient_z), as_eight(squares),
+              as_eight(approach), as_eight(viscous_x), as_eight(viscous_y)},
+             totals);
+    NeighborSums sums{totals[0], {totals[1], totals[2], totals[3]},      totals[4],
+                      totals[5], {totals[6], totals[7], sum(viscous_z)}, {}};
     if constexpr (RECORD)
-        sums.velocity_difference[0] = sum(difference_x), sums.velocity_difference[1] = sum(difference_y), sums.velocity_difference[2] = sum(difference_z);
+        sums.velocity_difference[0] = sum(difference_x), sums.velocity_difference[1] = sum(difference_y),
+        sums.velocity_difference[2] = sum(difference_z);
     return sums;
 }
 
 inline void record_substep(const SubstepRecord& record, int64_t caller, const float* position, const float* density_gradient,
-                           const NeighborSums& sums, float boundary, const float* boundary_gradient, float density_error, float density_rate) {
+                           const NeighborSums& sums, float boundary, const float* boundary_gradient, float density_error,
+                           float density_rate) {
     std::memcpy(record.positions + 3 * caller, position, 3 * sizeof(float));
     std::memcpy(record.density_gradient + 3 * caller, density_gradient, 3 * sizeof(float));
-    float* of = record.kernel_sums + KERNEL_SUMS * caller;
-    of[0] = sums.kernel;
+    float* row = record.kernel_sums + KERNEL_SUMS * caller;
+    row[0] = sums.kernel;
     for (int axis = 0; axis < 3; ++axis) {
-        of[1 + axis] = sums.gradient[axis];
-        of[4 + axis] = sums.velocity_difference[axis];
+        row[1 + axis] = sums.gradient[axis];
+        row[4 + axis] = sums.velocity_difference[axis];
         record.boundary_gradient[3 * caller + axis] = boundary_gradient[axis];
     }
-    of[7] = sums.squared_gradient;
+    row[7] = sums.squared_gradient;
     record.boundary_density[caller] = boundary;
     record.density_error[caller] = density_error;
     record.density_rate[caller] = density_rate;
@@ -106,12 +111,16 @@ inline void compute_pressures_of(const Frame& frame, int substep, int32_t begin,
             work.viscous_acceleration[axis] = p.viscosity * scale / p.kernel_support * sums.viscous[axis] / density;
             density_rate += boundary_gradient[axis] * (velocity[axis] + elapsed * frame.gravity[axis]);
         }
-        const float squared_gradient = dot(work.density_gradient, work.density_gradient) + scale * scale * sums.squared_gradient;
-        const float dfsph_factor =
-            squared_gradient > p.min_squared_gradient ? 1.0f / squared_gradient : squared_gradient != squared_gradient ? squared_gradient : 0.0f;
-        if (substep == 0 && !frame.boundary_map.cell_indices && frame.solid_distance[caller] < p.kernel_support && density > 1.0f)
+        const float squared_gradient =
+            dot(work.density_gradient, work.density_gradient) + scale * scale * sums.squared_gradient;
+        const float dfsph_factor = squared_gradient > p.min_squared_gradient ? 1.0f / squared_gradient
+                                   : squared_gradient != squared_gradient    ? squared_gradient
+                                                                             : 0.0f;
+        if (substep == 0 && !frame.boundary_map.cell_indices && frame.solid_distance[caller] < p.kernel_support &&
+            density > 1.0f)
             work.rest_density = density;
-        const float compression = density - work.rest_density, density_error = compression > p.max_density_error ? p.max_density_error : compression;
+        const float compression = density - work.rest_density,
+                    density_error = compression > p.max_density_error ? p.max_density_error : compression;
         const float divergence_source = p.divergence_relaxation * positive_part(density_rate);
         const float gravity_rate = time * dot(boundary_gradient, frame.gravity);
         const float density_source =
@@ -119,7 +128,9 @@ inline void compute_pressures_of(const Frame& frame, int substep, int32_t begin,
         float* pressure = frame.pressure + PRESSURE_ROW * static_cast<int64_t>(i);
         std::memcpy(pressure, position, 3 * sizeof(float));
         pressure[3] = dfsph_factor * (divergence_source + p.density_relaxation * positive_part(density_source));
-        if constexpr (RECORD) record_substep(frame.record, caller, position, work.density_gradient, sums, boundary, boundary_gradient, density_error, density_rate);
+        if constexpr (RECORD)
+            record_substep(frame.record, caller, position, work.density_gradient, sums, boundary, boundary_gradient,
+                           density_error, density_rate);
     }
 }
 
@@ -128,10 +139,10 @@ void compute_pressures(const Frame& frame, int substep, int32_t begin, int32_t e
     record ? compute_pressures_of<true>(frame, substep, begin, end) : compute_pressures_of<false>(frame, substep, begin, end);
 }
 
-// The velocity that pressures take from a particle: its own and its neighbors'.
+// The velocity that its own pressure and its neighbors' remove from a particle.
 inline void pressure_velocity(const Frame& frame, int32_t i, float* velocity) {
     const Neighbors& neighbors = frame.neighbors[i];
-    const float *own = frame.pressure + PRESSURE_ROW * static_cast<int64_t>(i);
+    const float* own = frame.pressure + PRESSURE_ROW * static_cast<int64_t>(i);
     Floats sum_x{}, sum_y{}, sum_z{};
     for (int32_t k = 0; k < neighbors.padded_count; k += LANES) {
         Floats x, y, z, pressure;
@@ -139,12 +150,13 @@ inline void pressure_velocity(const Frame& frame, int32_t i, float* velocity) {
         pressure *= load(neighbors.gradient_factors + k);
         sum_x += pressure * (x - own[0]), sum_y += pressure * (y - own[1]), sum_z += pressure * (z - own[2]);
     }
-    const float scale = frame.parameters->gradient_scale() / frame.parameters->kernel_support, sums[3] = {sum(sum_x), sum(sum_y), sum(sum_z)};
+    const float scale = frame.parameters->gradient_scale() / frame.parameters->kernel_support,
+                sums[3] = {sum(sum_x), sum(sum_y), sum(sum_z)};
     for (int axis = 0; axis < 3; ++axis) velocity[axis] = own[3] * frame.work[i].density_gradient[axis] + scale * sums[axis];
 }
 
-// Changes velocities by pressures and viscosity and moves the particles to where the next substep finds them. The last substep
-// writes the positions and velocities of the frame's end instead.
+// Changes velocities by pressures and viscosity and advances the particles. The last substep writes positions and velocities of
+// the frame's end instead.
 void apply_pressures(const Frame& frame, int substep, int32_t begin, int32_t end) {
     const SolverParameters& p = *frame.parameters;
     const float time = p.substep_time(), elapsed = static_cast<float>(substep + 1) * time;
@@ -162,7 +174,8 @@ void apply_pressures(const Frame& frame, int substep, int32_t begin, int32_t end
             if (last) {
                 const int64_t at = 3 * caller + axis;
                 frame.new_positions[at] = frame.predicted_positions[at] + work.delta_position[axis];
-                frame.new_velocities[at] = frame.velocities[at] + p.frame_time * frame.gravity[axis] + work.delta_velocity[axis];
+                frame.new_velocities[at] =
+                    frame.velocities[at] + p.frame_time * frame.gravity[axis] + work.delta_velocity[axis];
                 continue;
             }
             velocity[axis] += change;

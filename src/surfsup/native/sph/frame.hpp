@@ -22,27 +22,27 @@ constexpr int PRESSURE_ROW = 4;  // position, pressure
 
 // State of a particle within a frame.
 struct ParticleWork {
-    float density_gradient[3];        // 1/m
-    float rest_density;               // the density that counts as no error
-    float viscous_acceleration[3];    // m/s²
-    float delta_velocity[3];          // m/s, relative to ballistic motion
-    float delta_position[3];          // m, relative to ballistic motion
-    float min_solid_distance;         // lower bound of the distance to the solid
+    float density_gradient[3];      // 1/m
+    float rest_density;             // the density that counts as no error
+    float viscous_acceleration[3];  // m/s²
+    float delta_velocity[3];        // m/s, relative to ballistic motion
+    float delta_position[3];        // m, relative to ballistic motion
+    float min_solid_distance;       // lower bound of the distance to the solid
 };
 
-// Cells of a hash grid in which sorted particles lie. Cell coordinates are taken modulo the grid size, so that any extent
+// Cells of a hash grid of sorted particles. Cell coordinates are taken modulo the grid size, so that any extent
 // fits; the distance separates particles of distant cells that share an entry. Cells are numbered tile by tile, so
 // that the neighbors of one particle are still in the cache when the next needs them.
 constexpr int TILE = 4;  // cells along each side of a tile
 
 struct Cells {
-    int32_t size[3];       // in tiles
-    const int32_t* first;  // (cells + 1) first particle of each cell
-    const int32_t* of;     // cell of each sorted particle
+    int32_t size[3];         // in tiles
+    const int32_t* first;    // (cells + 1) first particle of each cell
+    const int32_t* cell_of;  // cell of each sorted particle
 };
 
-// What a substep leaves for a network that corrects the solver; every array by the caller's order of particles. See
-// sph/dfsph.py: Substep.
+// Quantities of a substep for a network that corrects the solver, in the caller's order of particles. See sph/dfsph.py:
+// Substep.
 struct SubstepRecord {
     float* positions;          // (count, 3)
     float* kernel_sums;        // (count, 8): kernel, its gradient (3), neighbors' velocity difference (3), squared gradients
@@ -58,7 +58,7 @@ struct Frame {
     int32_t count;
     const SolverParameters* parameters;
     Cells cells;
-    const int32_t* order;  // caller's index of each sorted particle
+    const int32_t* order;    // caller's index of each sorted particle
     const float *x, *y, *z;  // sorted positions at the middle of the ballistic path; room for 16 more
 
     // In the caller's order; vectors are (count, 3). Without a solid, and with a map, there are no normals.
@@ -69,7 +69,7 @@ struct Frame {
     float *new_positions, *new_velocities;
     SubstepRecord record;  // of the last substep; null pointers for none
 
-    // In sorted order; of `motion` and `pressure` one row more, for the padding particle.
+    // In sorted order. `motion` and `pressure` have one more row, for the padding particle.
     Neighbors* neighbors;
     ParticleWork* work;
     float* motion;    // (count + 1, MOTION_ROW); the velocity excludes what gravity has added since the frame began

@@ -13,7 +13,8 @@ struct Kernels {
 };
 
 inline Kernels kernels_at(Floats x, Floats y, Floats z) {
-    const Floats square = x * x + y * y + z * z, inverse = reciprocal_root(at_least(square, 1e-12f)), distance = square * inverse;
+    const Floats square = x * x + y * y + z * z, inverse = reciprocal_root(at_least(square, 1e-12f)),
+                 distance = square * inverse;
     const Floats outer = at_least(1.0f - distance, 0.0f), inner = at_least(0.5f - distance, 0.0f);
     const Floats outer_square = outer * outer, inner_square = 4.0f * inner * inner;
     const Floats steepness = 3.0f * (outer_square - inner_square);

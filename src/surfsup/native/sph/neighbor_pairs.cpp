@@ -12,7 +12,7 @@
 namespace surfsup {
 namespace {
 
-constexpr int32_t PORTION = 48;        // particles
+constexpr int32_t PORTION = 48;          // particles
 constexpr float SEARCH_SCALE = 1.0001f;  // of the radius: a search in single precision precedes the exact test
 
 struct Senders {
@@ -57,7 +57,8 @@ NeighborPairs find_neighbor_pairs(const float* positions, int32_t count, double 
     const int workers = std::max(1, threads);
     const Isa& isa = *instruction_sets().front();
     std::vector<Arena> arenas(static_cast<size_t>(workers));
-    std::vector<std::vector<char>> searches(static_cast<size_t>(workers), std::vector<char>(static_cast<size_t>(isa.search_bytes)));
+    std::vector<std::vector<char>> searches(static_cast<size_t>(workers),
+                                            std::vector<char>(static_cast<size_t>(isa.search_bytes)));
     std::vector<Senders> lists(static_cast<size_t>(count));
     std::atomic<int64_t> total{0};
     std::atomic<bool> enough_memory{true};

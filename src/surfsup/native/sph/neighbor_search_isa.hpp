@@ -128,7 +128,7 @@ int64_t find_neighbors(const Frame& frame, int32_t begin, int32_t end, Arena& ar
     for (int32_t block = begin; block < end; block += ROWS) {
         const int here = end - block < ROWS ? end - block : ROWS;
         for (int row = 0; row < here; ++row) {
-            const int32_t i = block + row, cell = frame.cells.of[i];
+            const int32_t i = block + row, cell = frame.cells.cell_of[i];
             if (cell + 1 != search.cell && !gather_candidates(frame, cell, search, searching)) return -1;
             if (!select_within(frame, i, row, search, searching)) return -1;
         }
@@ -143,7 +143,7 @@ int64_t find_neighbors(const Frame& frame, int32_t begin, int32_t end, Arena& ar
 
 int64_t find_within(const Frame& frame, int32_t i, Arena& arena, void* memory, const int32_t*& indices) {
     auto& search = *static_cast<Search*>(memory);
-    const int32_t cell = frame.cells.of[i];
+    const int32_t cell = frame.cells.cell_of[i];
     if (cell + 1 != search.cell && !gather_candidates(frame, cell, search, arena)) return -1;
     if (!select_within(frame, i, 0, search, arena)) return -1;
     indices = search.within[0];

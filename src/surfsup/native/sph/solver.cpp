@@ -11,7 +11,7 @@
 namespace surfsup {
 namespace {
 
-constexpr int WIDEST = 16;  // lanes of the widest vectors
+constexpr int WIDEST = 16;        // lanes of the widest vectors
 constexpr float FAR_AWAY = 1e6f;  // meters: coordinates of the particle that pads lists of neighbors
 
 }  // namespace
@@ -19,7 +19,8 @@ constexpr float FAR_AWAY = 1e6f;  // meters: coordinates of the particle that pa
 Solver::Solver(SolverParameters parameters) : parameters_(std::move(parameters)) {
     if (parameters_.substeps < 1) throw std::invalid_argument("a frame needs at least one substep");
     if (!(parameters_.kernel_support > 0)) throw std::invalid_argument("the kernel support must be above zero");
-    if (parameters_.boundary.plane_fraction.size() < 2) throw std::invalid_argument("the table of volume fractions needs at least two entries");
+    if (parameters_.boundary.plane_fraction.size() < 2)
+        throw std::invalid_argument("the table of volume fractions needs at least two entries");
 }
 
 // Sorts the particles by cell. False where a position is not finite.
@@ -93,8 +94,8 @@ int64_t Solver::find_neighbors(const Frame& frame, const Isa& isa, int threads, 
     return pairs;
 }
 
-int64_t Solver::advance(const Fluid& fluid, float* positions, float* velocities, const SubstepRecord& record, const Isa& isa, int threads,
-                        int64_t max_pairs) {
+int64_t Solver::advance(const Fluid& fluid, float* positions, float* velocities, const SubstepRecord& record, const Isa& isa,
+                        int threads, int64_t max_pairs) {
     const std::lock_guard<std::mutex> alone(stepping_);
     if (fluid.count == 0) return 0;
     Frame frame{};
@@ -106,8 +107,10 @@ int64_t Solver::advance(const Fluid& fluid, float* positions, float* velocities,
     if (pairs > max_pairs) return pairs;
     const int32_t portion = 4 * isa.rows;
     for (int substep = 0; substep < parameters_.substeps; ++substep) {
-        in_parallel(workers, fluid.count, portion, [&](int, int32_t begin, int32_t end) { isa.compute_pressures(frame, substep, begin, end); });
-        in_parallel(workers, fluid.count, portion, [&](int, int32_t begin, int32_t end) { isa.apply_pressures(frame, substep, begin, end); });
+        in_parallel(workers, fluid.count, portion,
+                    [&](int, int32_t begin, int32_t end) { isa.compute_pressures(frame, substep, begin, end); });
+        in_parallel(workers, fluid.count, portion,
+                    [&](int, int32_t begin, int32_t end) { isa.apply_pressures(frame, substep, begin, end); });
     }
     return finite ? pairs : -1;
 }

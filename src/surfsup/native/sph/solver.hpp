@@ -23,14 +23,14 @@ struct Fluid {
 
 class Solver {
 public:
-    // Throws std::invalid_argument where the parameters make no solver.
+    // Throws std::invalid_argument if a parameter is out of range.
     explicit Solver(SolverParameters parameters);
 
     // Advances by one frame without energy limit and collision handling. Writes positions and velocities (count, 3) and, where
     // its pointers are set, the record of the last substep. Returns the number of neighbor pairs; beyond `max_pairs` it stops
-    // early. Returns -1 where a position is not finite. Throws std::bad_alloc.
-    int64_t advance(const Fluid& fluid, float* positions, float* velocities, const SubstepRecord& record, const Isa& isa, int threads,
-                    int64_t max_pairs);
+    // early. Returns -1 if a position is not finite. Throws std::bad_alloc.
+    int64_t advance(const Fluid& fluid, float* positions, float* velocities, const SubstepRecord& record, const Isa& isa,
+                    int threads, int64_t max_pairs);
 
     const SolverParameters& parameters() const { return parameters_; }
 

@@ -1,4 +1,4 @@
-// A whole frame: free fall, query of the solid, DFSPH substeps, energy limit, collision handling.
+// A whole frame: ballistic motion, query of the solid, DFSPH substeps, energy limit, collision handling.
 #pragma once
 
 #include <cstdint>
@@ -19,8 +19,8 @@ struct StepResult {
     bool finished;  // false where the energy limit was exceeded: limiting and collision handling are left to the caller
 };
 
-// `fluid` needs neither predicted positions nor distances and normals of the solid: they are computed here. `last_query` holds where
-// each particle last queried the solid and is updated.
+// `fluid` needs neither predicted positions nor distances and normals of the solid: they are computed here. `last_query` holds
+// where each particle last queried the solid and is updated.
 StepResult step(Solver& solver, Fluid fluid, const SolidQuery& solid, bool handle_collisions, const LastQuery& last_query,
                 const NewState& state, const SubstepRecord& record, const Isa& isa, int threads, int64_t max_pairs);
 

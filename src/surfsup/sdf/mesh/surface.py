@@ -12,6 +12,7 @@ from surfsup import native
 from surfsup.errors import InputError
 from surfsup.native.dispatch import is_built
 from surfsup.sdf.grid import SdfGrid
+from surfsup.sdf.mesh.grid_distances import mesh_grid
 from surfsup.sdf.mesh.query import ON_SURFACE, MeshQuery, unit
 from surfsup.sdf.native_query import distance_and_normal_native, distance_native
 from surfsup.sdf.surface import Surface
@@ -106,11 +107,10 @@ class MeshSurface(Surface):
 
         Such points are near the surface, or not finite.
         """
+        fine, _ = self.build_grids()
         finite = np.isfinite(points).all(axis=1)
         distance[~finite] = normal[~finite] = np.nan
-        distance[finite], normal[finite] = self.query_near_node(
-            points[finite].astype(np.float64), self.build_grids()[0]
-        )
+        distance[finite], normal[finite] = self.query_near_node(points[finite].astype(np.float64), fine)
 
     def bounds(self) -> Tensor:
         """The bounding box of the triangles (2, 3)."""
@@ -135,18 +135,17 @@ class MeshSurface(Surface):
     def query_grids(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Distance (N,) and normal (N, 3) by the grids; by the triangles for those points that need it."""
         fine, coarse = self.build_grids()
-        every = torch.from_numpy(points)
         distance, normal = np.empty(len(points)), np.empty((len(points), 3))
-        in_fine = fine.contains(every).numpy()
+        in_fine = fine.contains(points)
         far, near = np.flatnonzero(~in_fine), np.flatnonzero(in_fine)
         if len(far):
             # As in SdfGrid.sample(), in NumPy.
-            border = every[far].clamp(coarse.lower, coarse.upper)
-            border_distance, gradient = (value.numpy() for value in coarse.interpolate(border))
-            away = points[far] - border.numpy() + border_distance[:, None] * unit(gradient)
+            border = np.clip(points[far], coarse.lower.numpy(), coarse.upper.numpy())
+            border_distance, gradient = coarse.interpolate(border)
+            away = points[far] - border + border_distance[:, None] * unit(gradient)
             distance[far], normal[far] = np.linalg.norm(away, axis=1), unit(away)
         if len(near):
-            distance[near], gradient = (value.numpy() for value in fine.interpolate(every[near]))
+            distance[near], gradient = fine.interpolate(points[near])
             agreement = np.linalg.norm(gradient, axis=1)
             normal[near] = gradient / np.maximum(agreement, 1e-9)[:, None]
             unsure = near[(np.abs(distance[near]) < NEAR_CELLS * fine.cell) | (agreement < MIN_AGREEMENT)]
@@ -193,8 +192,8 @@ class MeshSurface(Surface):
         """The fine grid around the mesh and the coarse one around that, built at the first call."""
         if self.grids is None:
             cell = self.query.extent / self.cells
-            fine = SdfGrid.from_mesh(self.query, cell, margin=FINE_MARGIN * cell)
-            coarse = SdfGrid.from_mesh(self.query, COARSENING * cell, margin=self.query.extent)
+            fine = mesh_grid(self.query, cell, margin=FINE_MARGIN * cell)
+            coarse = mesh_grid(self.query, COARSENING * cell, margin=self.query.extent)
             self.grids = (fine, coarse)
         return self.grids
 

@@ -11,8 +11,9 @@ from torch import Tensor, nn
 
 from surfsup import native
 from surfsup.native.dispatch import needs_gradient
-from surfsup.sdf.grid import SdfGrid, mesh_distances
+from surfsup.sdf.grid import SdfGrid
 from surfsup.sdf.marching_cubes import polygonize
+from surfsup.sdf.mesh.grid_distances import mesh_distances
 from surfsup.sdf.mesh.query import MeshQuery
 from surfsup.sdf.mesh.surface import MeshSurface
 from surfsup.sdf.native_query import distance_and_normal_native, distance_native

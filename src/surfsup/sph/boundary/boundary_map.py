@@ -1,7 +1,7 @@
 """Boundary volume map of a scene's solid: signed distance and volume fraction, interpolated in cubic cells.
 
-Bender et al., "Volume Maps: An Implicit Boundary Representation for SPH", 2019. The values are those that the reference
-solver is given (:mod:`surfsup.sph.boundary.scene_boundaries`).
+Bender et al., "Volume Maps: An Implicit Boundary Representation for SPH", 2019. The reference
+solver uses the same values (:mod:`surfsup.sph.boundary.scene_boundaries`).
 """
 
 from __future__ import annotations

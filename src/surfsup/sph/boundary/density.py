@@ -22,7 +22,7 @@ FRACTION_STEP = 1e-4  # meters between entries of the table of volume fractions
 SLICES = 1001  # of the ball over which the volume is integrated
 
 VOLUME_FACTOR = 0.8  # of the reference's volume maps
-MIN_DISTANCE = 2 * PARTICLE_RADIUS  # meters: the reference takes no solid to be closer
+MIN_DISTANCE = 2 * PARTICLE_RADIUS  # meters: the reference treats closer solids as at this distance
 DISTANCE_OFFSET = 0.5 * PARTICLE_RADIUS  # meters that the reference adds to the distance of a solid
 # Density of a solid that fills the kernel support, at kernel value 1: volume of the ball times the kernel's peak.
 STRENGTH = VOLUME_FACTOR * 32 / 3

@@ -122,7 +122,7 @@ def cell_center_distances(
 
 
 def unique_with_inverse(indices: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
-    """The sorted unique values of ``indices`` (N,), all below ``count``, and the place (N,) of each index among them.
+    """The sorted unique values of ``indices`` (N,), all below ``count``, and the rank (N,) of each index among them.
 
     Same as ``numpy.unique(indices, return_inverse=True)``, without sorting millions of values.
     """

@@ -1,8 +1,8 @@
 """Density of the container's walls, as in the reference solver.
 
-The reference takes all walls as one solid with one nearest point. It interpolates their distance in cells of about 50
+The reference treats all walls as one solid with one nearest point. It interpolates their distance in cells of about 50
 mm by cubic shape functions (:mod:`surfsup.sph.boundary.volume_map`). Within a cell that is the distance to a single
-wall, x y / h at an edge instead of min(x, y), and x y z / h² in a corner: water meets rounded corners.
+wall, x y / c at an edge with cells of side c, instead of min(x, y), and x y z / c² in a corner: corners are rounded.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ def walls_density(points: Tensor, lower: Tensor, upper: Tensor) -> tuple[Tensor,
     below, above = points - lower, upper - points
     distance = torch.minimum(below, above)
     outward = torch.where(below < above, -1.0, 1.0).to(points)
-    # Volume fractions as if the walls were independent: at an edge right to 0.02.
+    # The volume fraction for independent walls: accurate to 0.02 at an edge.
     fraction = 1 - (1 - plane_fraction(distance)).prod(dim=-1)
 
     cell = wall_cells(lower, upper)

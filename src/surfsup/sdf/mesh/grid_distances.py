@@ -1,0 +1,37 @@
+"""Exact distances to a mesh at the nodes of a grid."""
+
+from __future__ import annotations
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from surfsup.sdf.grid import CHUNK, SdfGrid, grid_nodes
+from surfsup.sdf.mesh.query import MeshQuery
+
+
+def mesh_grid(query: MeshQuery, cell: float, margin: float) -> SdfGrid:
+    """A grid of exact distances and gradients for queries in double precision, see :func:`mesh_distances`."""
+    distance, gradient, lower = mesh_distances(query, cell, margin)
+    size = torch.from_numpy(np.ptp(query.vertices, axis=0) + 2 * margin)
+    return SdfGrid(distance, gradient, lower, cell, center=lower + size / 2)
+
+
+def mesh_distances(query: MeshQuery, cell: float, margin: float) -> tuple[Tensor, Tensor, Tensor]:
+    """Exact signed distances to a mesh at the nodes of a grid that extends ``margin`` beyond its box.
+
+    Returns:
+        Distances (X, Y, Z), gradients (X, Y, Z, 3) and the first node (3,), float64.
+    """
+    lower = torch.from_numpy(query.vertices.min(axis=0) - margin)
+    shape = tuple(np.ceil((np.ptp(query.vertices, axis=0) + 2 * margin) / cell).astype(int).tolist())
+    shape = tuple(count + 1 for count in shape)
+    nodes = grid_nodes(lower, cell, shape).numpy()
+    signed, gradients = [], []
+    for part in np.array_split(nodes, max(1, len(nodes) // CHUNK)):
+        distance, face, closest = query.nearest(part)
+        inside = query.inside(part)
+        signed.append(np.where(inside, -distance, distance))
+        gradients.append(query.normal(part, distance, face, closest, inside))
+    distances, normals = (torch.from_numpy(np.concatenate(parts)) for parts in (signed, gradients))
+    return distances.reshape(shape), normals.reshape(*shape, 3), lower
