@@ -28,15 +28,19 @@ from surfsup.sph.warp_engine.runtime import Precision, on_stream, precision_of
 
 @dataclass(frozen=True)
 class Boundary:
-    """Container and solid as the kernels take them: the inputs of ``evaluate_boundary`` behind the particles'.
+    """Container, solid and gravity as the kernels take them.
 
     Attributes:
         solid: ``NO_SOLID``, ``PLANE`` or ``VOLUME_MAP``.
-        inputs: from ``lower`` to ``nodes``.
+        inputs: of ``evaluate_boundary``, from ``lower`` to ``nodes``.
+        gravity: vector, m/s².
+        fallen: velocity of a frame of free fall from rest, m/s.
     """
 
     solid: int
     inputs: list[Any]
+    gravity: Any
+    fallen: Any
 
 
 def boundary_of(environment: Environment, precision: Precision, like: Tensor) -> Boundary:
@@ -56,7 +60,9 @@ def boundary_of(environment: Environment, precision: Precision, like: Tensor) ->
         *_, indices, values = environment.boundary_map.tables.on(device, dtype)
         cell_indices = wp.from_torch(indices, dtype=wp.int32)
         nodes = wp.from_torch(values.flatten(1), dtype=real)
-    return Boundary(solid, [*corners, table, solid, volume_map, places, cell_indices, nodes])
+    inputs = [*corners, table, solid, volume_map, places, cell_indices, nodes]
+    gravity, fallen = (vec3(*value.tolist()) for value in (environment.gravity, FRAME_TIME * environment.gravity))
+    return Boundary(solid, inputs, gravity, fallen)
 
 
 def fill_map(struct: Any, boundary_map: BoundaryMap, precision: Precision) -> None:
@@ -82,8 +88,7 @@ class Frame:
         positions, velocities, predicted: (N, 3) in the caller's order.
         distance: (N,) of a plane solid at the predicted positions, meters; unused with a volume map or no solid.
         normal: (N, 3) of a plane solid there.
-        boundary: container and solid.
-        gravity: (3,), m/s².
+        boundary: container, solid and gravity.
         keep: whether to keep what the backward pass reads.
 
     Raises:
@@ -98,7 +103,6 @@ class Frame:
         distance: Tensor | None,
         normal: Tensor | None,
         boundary: Boundary,
-        gravity: Tensor,
         keep: bool = False,
     ) -> None:
         self.precision = precision_of(positions.dtype)
@@ -108,7 +112,7 @@ class Frame:
         vectors = [warp_array(value, vec3) for value in (positions, velocities, predicted)]
         self.count, self.device = len(positions), vectors[0].device
         self.dtype, self.torch_device = positions.dtype, positions.device
-        self.gravity = vec3(*gravity.tolist())
+        self.gravity = boundary.gravity
         self.table = find_neighbor_table(vectors[0], vectors[2], self.precision)
         solid = [warp_array(distance, real), warp_array(normal, vec3)]
         first = self.vectors(), self.vectors()
@@ -123,8 +127,7 @@ class Frame:
         self.substeps: list[Substep] = []
         self.delta_velocity, self.delta_position = self.vectors(zero=True), self.vectors(zero=True)
         self.run(*first)
-        fallen = vec3(*(FRAME_TIME * gravity).tolist())
-        self.ballistic = [vectors[2], vectors[1], fallen]
+        self.ballistic = [vectors[2], vectors[1], boundary.fallen]
 
     def end(self) -> tuple[Tensor, Tensor]:
         """Positions and velocities (N, 3) at the frame's end, in the caller's order."""
@@ -332,11 +335,10 @@ class DifferentiableFrame(torch.autograd.Function):
         normal: Tensor | None,
         predicted: Tensor,
         boundary: Boundary,
-        gravity: Tensor,
     ) -> tuple[Tensor, Tensor]:
         """Positions and velocities (N, 3) at the frame's end."""
         with on_stream(positions.device):
-            ctx.frame = Frame(positions, velocities, predicted, distance, normal, boundary, gravity, keep=True)
+            ctx.frame = Frame(positions, velocities, predicted, distance, normal, boundary, keep=True)
             return ctx.frame.end()
 
     @staticmethod
@@ -344,4 +346,4 @@ class DifferentiableFrame(torch.autograd.Function):
     def backward(ctx: Any, of_positions: Tensor, of_velocities: Tensor) -> tuple[Tensor | None, ...]:
         """Derivatives in positions, velocities, distance and normal."""
         with on_stream(of_positions.device):
-            return *ctx.frame.backward(of_positions, of_velocities), None, None, None
+            return *ctx.frame.backward(of_positions, of_velocities), None, None

@@ -55,11 +55,9 @@ class WarpSolver:
         with_gradient = needs_gradient(positions, velocities, distance, normal)
         boundary = self._boundary(environment, positions, with_gradient)
         if with_gradient:
-            return DifferentiableFrame.apply(
-                positions, velocities, distance, normal, predicted.detach(), boundary, environment.gravity
-            )
+            return DifferentiableFrame.apply(positions, velocities, distance, normal, predicted.detach(), boundary)
         with on_stream(positions.device):
-            return Frame(positions, velocities, predicted, distance, normal, boundary, environment.gravity).end()
+            return Frame(positions, velocities, predicted, distance, normal, boundary).end()
 
     def observe(
         self, state: ParticleState, environment: Environment, predicted: Tensor, distance: Tensor, normal: Tensor
@@ -71,7 +69,7 @@ class WarpSolver:
         """
         boundary = self._boundary(environment, state.positions, False)
         with on_stream(state.positions.device):
-            frame = Frame(state.positions, state.velocities, predicted, distance, normal, boundary, environment.gravity)
+            frame = Frame(state.positions, state.velocities, predicted, distance, normal, boundary)
             positions, velocities = frame.end()
             record = frame.record()
         neighbors = find_neighbors(0.5 * (state.positions + predicted).detach(), KERNEL_SUPPORT)
