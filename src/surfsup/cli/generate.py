@@ -12,7 +12,9 @@ from surfsup.cli.progress import progress_bar
 
 
 def generate(
-    recipe: Annotated[str, typer.Argument(help="Name of the recipe.")],
+    recipe: Annotated[
+        str, typer.Argument(metavar="RECIPE", help="Name of the recipe, such as prim-shapes, bowls or chairs.")
+    ],
     out: Annotated[Path, typer.Option("-o", "--out", help="Folder of the data set.")],
     n: Annotated[int, typer.Option("-n", help="Number of scenes.")],
     seed: Seed = 0,

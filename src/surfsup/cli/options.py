@@ -52,6 +52,8 @@ Seed = Annotated[int, typer.Option(min=0, help="Seed of all random numbers.")]
 TimeLimit = Annotated[str, typer.Option("--time", help="Stop after this time: 90s, 30m, 2h.")]
 Resume = Annotated[bool, typer.Option("--resume", help="Resume from the checkpoint.")]
 Threads = Annotated[int, typer.Option(min=1, help="Threads of torch.")]
-Overrides = Annotated[list[str] | None, typer.Argument(metavar="key=value")]
+Overrides = Annotated[
+    list[str] | None, typer.Argument(metavar="key=value", help="Values that replace those of the configuration.")
+]
 SurfaceFile = Annotated[Path, typer.Option("-o", "--out", help="The new file of the surface, .safetensors.")]
 UpAxis = Annotated[Literal["y", "z"] | None, typer.Option(help="Upward axis of the mesh file.")]

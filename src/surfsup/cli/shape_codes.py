@@ -49,9 +49,9 @@ def code(
 
 def between(
     shapes: ShapesFile,
-    first: Annotated[str, typer.Argument(help="Name of the first shape.")],
-    second: Annotated[str, typer.Argument(help="Name of the last shape.")],
-    out: Annotated[Path | None, typer.Option("-o", "--out", help="Output folder; out/FIRST-SECOND by default.")] = None,
+    first: Annotated[str, typer.Argument(metavar="FIRST", help="Name of the first shape.")],
+    second: Annotated[str, typer.Argument(metavar="LAST", help="Name of the last shape.")],
+    out: Annotated[Path | None, typer.Option("-o", "--out", help="Output folder; out/FIRST-LAST by default.")] = None,
     steps: Annotated[int, typer.Option(min=2, help="Number of shapes, including the first and the last.")] = 9,
     whole: Annotated[
         bool, typer.Option("--whole", help="Pass through known shapes, so that every step is one closed mesh.")

@@ -9,7 +9,7 @@ import typer
 
 from surfsup.cli.progress import progress_bar
 
-TrajectoryFile = Annotated[Path, typer.Argument(help="A trajectory.h5.")]
+TrajectoryFile = Annotated[Path, typer.Argument(metavar="TRAJECTORY", help="A trajectory.h5.")]
 
 
 def view(trajectory: TrajectoryFile) -> None:

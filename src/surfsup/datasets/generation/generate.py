@@ -20,11 +20,11 @@ from surfsup.splishsplash import solver
 
 def generate(
     recipe: str,
-    folder: Path,
+    folder: str | Path,
     count: int,
     seed: int = 0,
     frames: int | None = None,
-    source: Path | None = None,
+    source: str | Path | None = None,
     workers: int | None = None,
     scheduler: str | None = None,
     progress: Callable[[int, int, float | None], None] | None = None,
@@ -54,7 +54,7 @@ def generate(
     """
     if count < 1:
         raise InputError(f"the number of scenes is {count}, but must be at least 1")
-    folder = folder.resolve()
+    folder, source = Path(folder).resolve(), None if source is None else Path(source)
     sampler = SceneSampler(recipe, seed, frames, folder)
     identity = DatasetIdentity.of(sampler, source)
     with open_worker_pool(workers, scheduler) as pool, lock_folder(folder) as token:
