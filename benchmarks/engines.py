@@ -3,7 +3,7 @@
     python benchmarks/engines.py [--particles 3000 50000] [--rounds 7] [--frames 75]
 
 A block of water falls on a ball (the scene of against_solver.py). From the frame of the impact each engine advances the
-same state by one frame, in turn, `--rounds` times; the fastest round counts, since a shared host disturbs the times.
+same state by one frame, `--rounds` times; the fastest round counts, since a shared host disturbs the times.
 With gradients the frame is followed by the gradient of its end in positions, velocities and the ball's radius. All of
 it runs on one thread of the CPU. Every time is wall clock, and in brackets processor time. Before, the memory that the
 gradient of a rollout over `--frames` frames of the smallest scene takes beyond that of a single frame.
@@ -33,7 +33,7 @@ from surfsup.sph.solver import DfsphSolver
 from surfsup.sph.state import ParticleState
 
 IMPACT = 40  # frames from the start
-PAUSE = 0.005  # seconds between two looks at the memory
+PAUSE = 0.005  # seconds between two samples of the memory
 MEGABYTE = 2**20
 
 

@@ -17,6 +17,7 @@ from surfsup.sph.solver import DfsphSolver
 from surfsup.sph.state import ParticleState
 from surfsup.sph.warp_engine import neighbors
 from surfsup.sph.warp_engine.solver import WarpSolver
+from tests.sph.warp_engine import dense_solver
 
 needs_cpp = pytest.mark.skipif(not is_built(), reason="the package was built without a compiler")
 
@@ -63,6 +64,31 @@ def solid(name: str) -> Surface:
         None,
         (0.0, 0.0, 0.3),
     )
+
+
+@pytest.mark.parametrize("place", ["no solid", "map", "plane", "corner", "inside a solid"])
+@settings(max_examples=5)
+@given(seed=st.integers(0, 2**32 - 1), speed=st.sampled_from([0.1, 1.0, 4.0]))
+def test_a_frame_and_its_gradients_equal_those_of_a_sum_over_all_pairs(place, seed, speed):
+    state = splash(120, seed, low=0.5 if place == "inside a solid" else 0.61)
+    shift = torch.tensor([-0.5, -0.5, -0.6], dtype=torch.float64) * (place == "corner")
+    surface = BALL if place in ("map", "plane", "inside a solid") else None
+    environment = environment_of(surface, place != "plane", torch.float64)
+    inputs = [(state.positions + shift).requires_grad_(), (speed * state.velocities).requires_grad_()]
+    predicted, _ = ParticleState(*inputs).ballistic(environment.gravity)
+    inputs += [value.detach().requires_grad_() for value in environment.distance_and_normal(predicted)]
+    weights = torch.randn(2, 120, 3, generator=torch.Generator().manual_seed(seed), dtype=torch.float64)
+    results = []
+    for advance in (dense_solver.advance, advanced):
+        ends = advance(ParticleState(*inputs[:2]), environment, *inputs[2:])
+        total = (weights * torch.stack(ends)).sum()
+        results.append((ends, torch.autograd.grad(total, inputs, allow_unused=True)))
+    for found, expected in zip(results[1][0], results[0][0], strict=True):
+        torch.testing.assert_close(found, expected, atol=1e-10, rtol=0)
+    for found, expected in zip(results[1][1], results[0][1], strict=True):
+        if expected is not None:
+            found = torch.zeros_like(expected) if found is None else found
+            torch.testing.assert_close(found, expected, atol=1e-8 * float(1 + expected.abs().max()), rtol=0)
 
 
 @needs_cpp

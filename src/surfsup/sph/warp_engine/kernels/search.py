@@ -8,7 +8,7 @@ import warp as wp
 from surfsup.sph.kernels import KERNEL_SUPPORT
 from surfsup.sph.warp_engine.runtime import Precision
 
-MAX_CELL = 2**20  # cells from the origin along an axis; particles farther away share the last cell
+MAX_CELL = 2**20  # cells from the origin along an axis; particles beyond share the last cell
 
 
 @cache

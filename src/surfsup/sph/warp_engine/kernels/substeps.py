@@ -78,19 +78,19 @@ def substep_kernels(precision: Precision) -> SimpleNamespace:
             friction += rate / (squared + softening) * r
 
         own_boundary = boundary_gradient[i]
-        own_density = self_density * (one + value) + boundary[i]
-        own_gradient = scale * gradient + own_boundary
+        fluid_density = self_density * (one + value) + boundary[i]
+        whole_gradient = scale * gradient + own_boundary
         own_rate = wp.dot(own_boundary, velocity + real(number) * time * gravity) - scale * approach
         if number == 0:
             rest = one
             if near_solid[i] == 1:
-                rest = wp.max(own_density, one)
+                rest = wp.max(fluid_density, one)
             rest_density[i] = rest
-        stiffness = wp.length_sq(own_gradient) + scale * scale * squares
+        stiffness = wp.length_sq(whole_gradient) + scale * scale * squares
         dfsph_factor = zero
         if stiffness > min_squared_gradient:
             dfsph_factor = one / stiffness
-        density_error = wp.min(own_density - rest_density[i], max_density_error)
+        density_error = wp.min(fluid_density - rest_density[i], max_density_error)
         divergence_source = divergence_relaxation * wp.max(own_rate, zero)
         remaining = own_rate - divergence_source
         density_source = (
@@ -99,9 +99,9 @@ def substep_kernels(precision: Precision) -> SimpleNamespace:
             - wp.clamp(remaining, -deadband, deadband)
             + time * wp.dot(own_boundary, gravity)
         )
-        density[i] = own_density
+        density[i] = fluid_density
         density_rate[i] = own_rate
-        density_gradient[i] = own_gradient
+        density_gradient[i] = whole_gradient
         squared_gradient[i] = squares
         viscous[i] = friction
         pressure[i] = dfsph_factor * (divergence_source + density_relaxation * wp.max(density_source, zero))
