@@ -2,9 +2,8 @@
 
 import torch
 
+from surfsup import Scene, Sphere, Surface, Transformed, Union
 from surfsup.design import Outcome, Parameter, Task, optimize, verify
-from surfsup.scene import Scene
-from surfsup.sdf import Sphere, Surface, Transformed, Union
 
 SCENE = "fluid: [{block: {min: [-0.15, -0.15, 0.55], max: [0.15, 0.15, 0.7]}}]\nframes: 81"
 CENTERS = [[-0.05, 0.0, 0.4], [0.0, 0.12, 0.3], [0.0, -0.12, 0.3]]  # meters

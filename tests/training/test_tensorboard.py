@@ -49,7 +49,7 @@ def test_a_rollout_is_drawn_where_this_machine_can(tmp_path, data):
     run = TrainingRun(config(steps=1, phases=[{"until": 1}]), tmp_path)
     with open_log(run, data) as log:
         train(run, Windows(data), data, log=log)
-    (picture,) = events_of(run).Images("rollout (below: the truth)")
+    (picture,) = events_of(run).Images("rollout (below: the reference)")
     assert (picture.step, picture.width, picture.height) == (1, 3 * 480, 2 * 360)
 
 

@@ -77,7 +77,7 @@ class TensorBoard:
             self._writer.add_scalar(f"rollout/{name}", value, run.step)
         if self._pictured is not None:
             picture = draw_rollout(run.average, self._pictured, run.config.validation_frames)
-            self._writer.add_image("rollout (below: the truth)", picture, run.step, dataformats="HWC")
+            self._writer.add_image("rollout (below: the reference)", picture, run.step, dataformats="HWC")
         self._writer.flush()
         self._since = time.monotonic()
 

@@ -1,8 +1,7 @@
-"""Bounds on what training demands of a state that has drifted from the truth in earlier frames.
+"""Bounds of the target for a state that has drifted from the reference in earlier frames of push-forward.
 
-In a splash, where a rollout has drifted far, the true trajectory of a particle says nothing about the particle now in
-its place, and such errors would dominate the loss. So the target corrects at most these bounds of the drift, and errors
-of drifted particles have less weight.
+In a splash a rollout drifts far. There the reference is no guide for the particle, and such errors would dominate the
+loss. So the target corrects the drift by at most these bounds, and errors of drifted particles have less weight.
 """
 
 from __future__ import annotations
