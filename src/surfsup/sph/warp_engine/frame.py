@@ -18,12 +18,13 @@ from surfsup.sph.boundary.shape_functions import CELL_NODES, local_coordinates
 from surfsup.sph.boundary.walls import wall_cells
 from surfsup.sph.environment import Environment
 from surfsup.sph.state import SUBSTEP_TIME, SUBSTEPS
+from surfsup.sph.warp_engine import runtime
 from surfsup.sph.warp_engine.kernels.adjoint import adjoint_kernels
 from surfsup.sph.warp_engine.kernels.boundary import NO_SOLID, PLANE, VOLUME_MAP, boundary_kernels
 from surfsup.sph.warp_engine.kernels.substeps import substep_kernels
 from surfsup.sph.warp_engine.kernels.transfer import transfer_kernels
 from surfsup.sph.warp_engine.neighbors import empty_table, find_neighbor_table
-from surfsup.sph.warp_engine.runtime import Precision, on_stream, precision_of
+from surfsup.sph.warp_engine.runtime import Precision, precision_of
 
 
 @dataclass(frozen=True)
@@ -48,7 +49,7 @@ def boundary_of(environment: Environment, precision: Precision, like: Tensor) ->
     device, dtype = like.device, like.dtype
     real, vec3 = precision.real, precision.vec3
     lower, upper = environment.lower.detach(), environment.upper.detach()
-    corners = [vec3(*value.tolist()) for value in (lower, upper, wall_cells(lower, upper))]
+    corners = [vec3(*value.cpu().tolist()) for value in (lower, upper, wall_cells(lower, upper))]
     table, places = tables_on(precision, device, dtype)
     volume_map = boundary_kernels(precision).Map()
     if environment.boundary_map is None:
@@ -58,10 +59,10 @@ def boundary_of(environment: Environment, precision: Precision, like: Tensor) ->
         solid = VOLUME_MAP
         fill_map(volume_map, environment.boundary_map, precision)
         *_, indices, values = environment.boundary_map.tables.on(device, dtype)
-        cell_indices = wp.from_torch(indices, dtype=wp.int32)
-        nodes = wp.from_torch(values.flatten(1), dtype=real)
+        cell_indices = runtime.to_warp(indices, wp.int32)
+        nodes = runtime.to_warp(values.flatten(1), real)
     inputs = [*corners, table, solid, volume_map, places, cell_indices, nodes]
-    gravity, fallen = (vec3(*value.tolist()) for value in (environment.gravity, FRAME_TIME * environment.gravity))
+    gravity, fallen = (vec3(*value.cpu().tolist()) for value in (environment.gravity, FRAME_TIME * environment.gravity))
     return Boundary(solid, inputs, gravity, fallen)
 
 
@@ -78,7 +79,7 @@ def tables_on(precision: Precision, device: torch.device, dtype: torch.dtype) ->
     """The volume fractions of a plane solid, and the places of a map cell's nodes."""
     places = torch.from_numpy(local_coordinates(CELL_NODES)).to(device, dtype)
     table = torch.from_numpy(plane_fraction_table()).to(device, dtype)
-    return wp.from_torch(table, dtype=precision.real), wp.from_torch(places, dtype=precision.vec3)
+    return runtime.to_warp(table, precision.real), runtime.to_warp(places, precision.vec3)
 
 
 class Frame:
@@ -109,12 +110,12 @@ class Frame:
         self.boundary, self.keep = boundary, keep
         self.plane = int(boundary.solid == PLANE)
         real, vec3 = self.precision.real, self.precision.vec3
-        vectors = [warp_array(value, vec3) for value in (positions, velocities, predicted)]
+        vectors = [runtime.to_warp(value, vec3) for value in (positions, velocities, predicted)]
         self.count, self.device = len(positions), vectors[0].device
         self.dtype, self.torch_device = positions.dtype, positions.device
         self.gravity = boundary.gravity
         self.table = find_neighbor_table(vectors[0], vectors[2], self.precision)
-        solid = [warp_array(distance, real), warp_array(normal, vec3)]
+        solid = [runtime.to_warp(distance, real), runtime.to_warp(normal, vec3)]
         first = self.vectors(), self.vectors()
         self.solid = [self.vectors(), self.reals(), self.vectors()] if self.plane else [None, None, None]
         self.near_solid = wp.empty(self.count, dtype=int, device=self.device)
@@ -135,7 +136,7 @@ class Frame:
         self.launch(
             transfer_kernels(self.precision).finish_particles,
             [self.table.order, *self.ballistic, self.delta_position, self.delta_velocity],
-            [wp.from_torch(value, dtype=self.precision.vec3) for value in found],
+            [runtime.to_warp(value, self.precision.vec3) for value in found],
         )
         return found
 
@@ -172,14 +173,14 @@ class Frame:
             [substep.positions, substep.velocities, self.table.neighbors, self.table.counts],
             [difference],
         )
-        order = wp.to_torch(self.table.order).long()
+        order = runtime.to_torch(self.table.order).long()
         density, density_rate, density_gradient, squared_gradient, *_ = substep.results
         values = [substep.positions, density, density_rate, density_gradient, squared_gradient, *substep.boundary]
         values += [self.rest_density, difference]
         found = []
         for value in values:
             target = self.unsorted(3 if value.dtype is vec3 else 1)
-            target[order] = wp.to_torch(value)
+            target[order] = runtime.to_torch(value)
             found.append(target)
         return FrameRecord(*found)
 
@@ -193,7 +194,7 @@ class Frame:
         position_adjoint, change = self.vectors(), self.vectors()
         self.launch(
             transfer.sort_adjoints,
-            [self.table.order, warp_array(of_positions, vec3), warp_array(of_velocities, vec3), time],
+            [self.table.order, runtime.to_warp(of_positions, vec3), runtime.to_warp(of_velocities, vec3), time],
             [position_adjoint, change],
         )
         no_adjoint = [None if isinstance(value, wp.array) else value for value in self.boundary.inputs]
@@ -241,7 +242,7 @@ class Frame:
         if self.plane:
             in_solid = [self.unsorted(1), self.unsorted()]
         targets = [
-            None if value is None else wp.from_torch(value, dtype=dtype)
+            runtime.to_warp(value, dtype)
             for value, dtype in zip([*found, *in_solid], [vec3, vec3, self.precision.real, vec3], strict=True)
         ]
         self.launch(
@@ -291,11 +292,6 @@ class Substep:
         ]
 
 
-def warp_array(tensor: Tensor | None, dtype: type) -> Any:
-    """A tensor without its gradient as Warp takes it, None for none; it shares the memory of a contiguous one."""
-    return None if tensor is None else wp.from_torch(tensor.detach().contiguous(), dtype=dtype, requires_grad=False)
-
-
 @dataclass(frozen=True)
 class FrameRecord:
     """The last substep in the caller's order, see :class:`surfsup.sph.dfsph.Substep`.
@@ -337,7 +333,7 @@ class DifferentiableFrame(torch.autograd.Function):
         boundary: Boundary,
     ) -> tuple[Tensor, Tensor]:
         """Positions and velocities (N, 3) at the frame's end."""
-        with on_stream(positions.device):
+        with runtime.on_stream(positions.device):
             ctx.frame = Frame(positions, velocities, predicted, distance, normal, boundary, keep=True)
             return ctx.frame.end()
 
@@ -345,5 +341,5 @@ class DifferentiableFrame(torch.autograd.Function):
     @once_differentiable
     def backward(ctx: Any, of_positions: Tensor, of_velocities: Tensor) -> tuple[Tensor | None, ...]:
         """Derivatives in positions, velocities, distance and normal."""
-        with on_stream(of_positions.device):
+        with runtime.on_stream(of_positions.device):
             return *ctx.frame.backward(of_positions, of_velocities), None, None

@@ -13,6 +13,7 @@ import warp as wp
 
 from surfsup.sph.kernels import KERNEL_SUPPORT
 from surfsup.sph.stability import check_pairs
+from surfsup.sph.warp_engine import runtime
 from surfsup.sph.warp_engine.kernels.search import search_kernels
 from surfsup.sph.warp_engine.runtime import Precision
 
@@ -67,8 +68,8 @@ def find_neighbor_table(positions: wp.array, predicted: wp.array, precision: Pre
     while True:
         neighbors = empty_table(count, capacity, int, device)
         wp.launch(kernels.list_neighbors, count, [middles, starts, side, capacity], [neighbors, counts], device=device)
-        found = wp.to_torch(counts)
-        pairs, most, unusable = torch.stack([found.sum(), found.amax(), wp.to_torch(infinite)[0]]).tolist()
+        found = runtime.to_torch(counts)
+        pairs, most, unusable = torch.stack([found.sum(), found.amax(), runtime.to_torch(infinite)[0]]).cpu().tolist()
         check_pairs(-1 if unusable else pairs, count, KERNEL_SUPPORT)
         if most <= capacity:
             return NeighborTable(order, neighbors, counts)

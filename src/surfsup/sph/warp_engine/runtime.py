@@ -13,6 +13,7 @@ from typing import Any
 
 import torch
 import warp as wp
+from torch import Tensor
 
 from surfsup.errors import SimulationError
 
@@ -121,3 +122,13 @@ def on_stream(device: torch.device) -> AbstractContextManager[Any]:
     if device.type != "cuda":
         return nullcontext()
     return wp.ScopedStream(wp.stream_from_torch(torch.cuda.current_stream(device)))
+
+
+def to_warp(tensor: Tensor | None, dtype: type) -> Any:
+    """A tensor without its gradient as Warp takes it, None for none; it shares the memory of a contiguous one."""
+    return None if tensor is None else wp.from_torch(tensor.detach().contiguous(), dtype=dtype, requires_grad=False)
+
+
+def to_torch(array: Any) -> Tensor:
+    """Warp's array as a tensor that shares its memory."""
+    return wp.to_torch(array)

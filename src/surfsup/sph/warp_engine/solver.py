@@ -14,13 +14,14 @@ from surfsup.sph.kernel_sums import kernel_graph
 from surfsup.sph.kernels import KERNEL_SUPPORT
 from surfsup.sph.neighbor_search import find_neighbors
 from surfsup.sph.state import ParticleState
+from surfsup.sph.warp_engine import runtime
 from surfsup.sph.warp_engine.frame import Boundary, DifferentiableFrame, Frame, boundary_of
 from surfsup.sph.warp_engine.kernels.adjoint import adjoint_kernels
 from surfsup.sph.warp_engine.kernels.boundary import boundary_kernels
 from surfsup.sph.warp_engine.kernels.search import search_kernels
 from surfsup.sph.warp_engine.kernels.substeps import substep_kernels
 from surfsup.sph.warp_engine.kernels.transfer import transfer_kernels
-from surfsup.sph.warp_engine.runtime import load_kernels, on_stream, precision_of, start
+from surfsup.sph.warp_engine.runtime import precision_of
 
 
 class WarpSolver:
@@ -56,7 +57,7 @@ class WarpSolver:
         boundary = self._boundary(environment, positions, with_gradient)
         if with_gradient:
             return DifferentiableFrame.apply(positions, velocities, distance, normal, predicted.detach(), boundary)
-        with on_stream(positions.device):
+        with runtime.on_stream(positions.device):
             return Frame(positions, velocities, predicted, distance, normal, boundary).end()
 
     def observe(
@@ -68,7 +69,7 @@ class WarpSolver:
             SimulationError: as :meth:`advance`.
         """
         boundary = self._boundary(environment, state.positions, False)
-        with on_stream(state.positions.device):
+        with runtime.on_stream(state.positions.device):
             frame = Frame(state.positions, state.velocities, predicted, distance, normal, boundary)
             positions, velocities = frame.end()
             record = frame.record()
@@ -108,8 +109,8 @@ def load_engine(dtype: torch.dtype, device: str, with_gradient: bool) -> None:
     Raises:
         SimulationError: Warp's cache cannot be written, or a kernel fails to compile.
     """
-    start(device)
+    runtime.start(device)
     precision = precision_of(dtype)
     factories = [search_kernels, transfer_kernels, boundary_kernels, substep_kernels]
     factories += [adjoint_kernels] if with_gradient else []
-    load_kernels((kernel for factory in factories for kernel in factory(precision).kernels), device)
+    runtime.load_kernels((kernel for factory in factories for kernel in factory(precision).kernels), device)
