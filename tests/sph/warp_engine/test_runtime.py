@@ -14,7 +14,8 @@ from surfsup.sph.warp_engine.kernels.boundary import boundary_kernels
 from surfsup.sph.warp_engine.kernels.search import search_kernels
 from surfsup.sph.warp_engine.kernels.substeps import substep_kernels
 from surfsup.sph.warp_engine.kernels.transfer import transfer_kernels
-from surfsup.sph.warp_engine.runtime import launch_error, load_kernels, precision_of, start
+from surfsup.sph.warp_engine.runtime import launch_error, load_kernels, memory_errors, precision_of, start
+from surfsup.sph.warp_engine.solver import bytes_per_particle
 
 FRAME = """
 import torch
@@ -67,6 +68,18 @@ def test_a_kernel_that_does_not_compile_is_one_line():
     start("cpu")
     with pytest.raises(SimulationError, match=r"'cpu' \(CPU kernel build failed with error code 1\); install"):
         load_kernels([broken], "cpu")
+
+
+def test_too_little_memory_says_how_many_particles_would_fit(monkeypatch):
+    monkeypatch.setattr(torch.cuda, "mem_get_info", lambda device: (10**6, 8 * 10**9))
+    needed = bytes_per_particle(torch.float32, with_gradient=False)
+    with (
+        pytest.raises(SimulationError, match=r"'cuda:0' has too little memory for 20000000 particles; about \d+ would"),
+        memory_errors(20_000_000, needed, torch.device("cuda:0")),
+    ):
+        raise RuntimeError("Failed to allocate 5120000000 bytes on device 'cuda:0'")
+    with pytest.raises(RuntimeError, match="another"), memory_errors(1, needed, torch.device("cpu")):
+        raise RuntimeError("another")
 
 
 def test_an_error_without_words_is_named_by_its_type():

@@ -153,6 +153,10 @@ def test_no_particle_stays_no_particle():
     empty = ParticleState(torch.zeros(0, 3), torch.zeros(0, 3))
     state, collided = DfsphSolver().step(empty, environment_of(BALL))
     assert state.positions.shape == (0, 3) and collided.shape == (0,)
+    in_warp = DfsphSolver()
+    in_warp.native = None
+    assert in_warp.observe(empty, environment_of(BALL)).positions.shape == (0, 3)
+    assert in_warp.step(empty, environment_of(BALL))[0].positions.shape == (0, 3)
 
 
 def test_more_neighbors_than_there_is_room_for_are_found_by_a_second_search(monkeypatch):

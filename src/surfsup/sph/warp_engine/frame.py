@@ -333,9 +333,8 @@ class DifferentiableFrame(torch.autograd.Function):
         boundary: Boundary,
     ) -> tuple[Tensor, Tensor]:
         """Positions and velocities (N, 3) at the frame's end."""
-        with runtime.on_stream(positions.device):
-            ctx.frame = Frame(positions, velocities, predicted, distance, normal, boundary, keep=True)
-            return ctx.frame.end()
+        ctx.frame = Frame(positions, velocities, predicted, distance, normal, boundary, keep=True)
+        return ctx.frame.end()
 
     @staticmethod
     @once_differentiable

@@ -51,6 +51,9 @@ def find_neighbor_table(positions: wp.array, predicted: wp.array, precision: Pre
         SimulationError: a position is not finite, or the particles have collapsed into a clump.
     """
     kernels, device, count = search_kernels(precision), positions.device, len(positions)
+    if count == 0:
+        none = wp.empty(0, dtype=int, device=device)
+        return NeighborTable(none, empty_table(0, CAPACITY, int, device), none)
     side = SMALL_GRID if count < LARGE_COUNT else LARGE_GRID
     cells, order = (wp.empty(2 * count, dtype=int, device=device) for _ in range(2))  # the sort needs twice the room
     starts = wp.zeros(side**3 + 1, dtype=int, device=device)

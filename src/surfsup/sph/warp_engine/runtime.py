@@ -117,6 +117,23 @@ def launch_error(device: str, error: Exception) -> SimulationError:
     return SimulationError(f"Warp's kernels cannot run on the device '{device}' ({reason}); {way_out}")
 
 
+@contextmanager
+def memory_errors(particles: int, bytes_per_particle: int, device: torch.device) -> Iterator[None]:
+    """Say how many particles would fit where a device has too little memory.
+
+    Raises:
+        SimulationError: with one line.
+    """
+    try:
+        yield
+    except RuntimeError as error:
+        if not any(words in str(error).lower() for words in ("failed to allocate", "out of memory")):
+            raise
+        memory = torch.cuda.mem_get_info(device)[1] if device.type == "cuda" else 0
+        room = f"; about {memory // bytes_per_particle} would fit" if memory else ""
+        raise SimulationError(f"the device '{device}' has too little memory for {particles} particles{room}") from None
+
+
 def on_stream(device: torch.device) -> AbstractContextManager[Any]:
     """Lets Warp launch on the stream that torch uses on a GPU."""
     if device.type != "cuda":

@@ -21,7 +21,11 @@ from surfsup.sph.warp_engine.kernels.boundary import boundary_kernels
 from surfsup.sph.warp_engine.kernels.search import search_kernels
 from surfsup.sph.warp_engine.kernels.substeps import substep_kernels
 from surfsup.sph.warp_engine.kernels.transfer import transfer_kernels
+from surfsup.sph.warp_engine.neighbors import CAPACITY
 from surfsup.sph.warp_engine.runtime import precision_of
+
+INDEX_BYTES = 4
+NUMBERS, GRADIENT_NUMBERS = 70, 190  # of a particle within a frame, without and with what its gradient reads
 
 
 class WarpSolver:
@@ -55,9 +59,10 @@ class WarpSolver:
             return positions, velocities
         with_gradient = needs_gradient(positions, velocities, distance, normal)
         boundary = self._boundary(environment, positions, with_gradient)
-        if with_gradient:
-            return DifferentiableFrame.apply(positions, velocities, distance, normal, predicted.detach(), boundary)
-        with runtime.on_stream(positions.device):
+        needed = bytes_per_particle(positions.dtype, with_gradient)
+        with runtime.memory_errors(len(positions), needed, positions.device), runtime.on_stream(positions.device):
+            if with_gradient:
+                return DifferentiableFrame.apply(positions, velocities, distance, normal, predicted.detach(), boundary)
             return Frame(positions, velocities, predicted, distance, normal, boundary).end()
 
     def observe(
@@ -100,6 +105,11 @@ class WarpSolver:
         if self._last is None or self._last[0] is not environment or self._last[1:3] != (dtype, device):
             self._last = environment, dtype, device, boundary_of(environment, precision_of(dtype), positions)
         return self._last[3]
+
+
+def bytes_per_particle(dtype: torch.dtype, with_gradient: bool) -> int:
+    """Memory of a frame, with one table of neighbors and one of kernel factors."""
+    return CAPACITY * (INDEX_BYTES + dtype.itemsize) + (GRADIENT_NUMBERS if with_gradient else NUMBERS) * dtype.itemsize
 
 
 @cache
