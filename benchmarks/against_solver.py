@@ -1,4 +1,4 @@
-"""Time of a frame of 5 ms: surfsup's solver, native and in torch, against SPlisHSPlasH on the same scene and cores.
+"""Time of a frame of 5 ms: surfsup's solver, in C++ and in Warp, against SPlisHSPlasH on the same scene and cores.
 
     python benchmarks/against_solver.py [--particles 3000 50000] [--threads 1 2] [--frames 200] [--rounds 3]
                                         [--surface ball knot coral chair] [--no-torch] [--simulator NAME]
@@ -9,7 +9,7 @@ distances, collision handling, and writing the trajectory. The time of SPlisHSPl
 reading or writing: with a fixed step of 1 ms (five a frame, the setting of the paper), and with its adaptive step
 (CFL condition, its default). Set-up, up to the end of the first frame, is excluded on both sides. Every time is given
 as wall clock, and in brackets as processor time of all threads. At 50,000 particles a round takes five minutes for
-each number of threads, most of it in torch (`--no-torch` leaves that out).
+each number of threads. `--no-torch` leaves out the run without the C++ code.
 
 The results are written to `benchmarks/results/speed_*.json`.
 """
@@ -50,7 +50,7 @@ SURFACES: dict[str, dict[str, Any]] = {
     "chair": {"deepsdf": {"file": "chairs", "shape": "chair-0100", "fit": EXTENT}, "at": [0, 0, RADIUS]},
 }
 TITLES = {"ball": "a ball", "knot": "a knot (mesh)", "coral": "a coral (SIREN)", "chair": "a chair (DeepSDF)"}
-FIXED, ADAPTIVE, NATIVE, TORCH = "SPlisHSPlasH 1 ms", "SPlisHSPlasH CFL", "native", "torch"
+FIXED, ADAPTIVE, NATIVE, WARP = "SPlisHSPlasH 1 ms", "SPlisHSPlasH CFL", "native", "Warp"
 
 
 def scene_of(particles: int, frames: int, surface: str = "ball") -> Scene:
@@ -148,7 +148,7 @@ def time_splishsplash(scene: Scene, adaptive: bool) -> Timing:
 RUNS: dict[str, Callable[[Scene, str], Timing]] = {
     FIXED: lambda scene, _: time_splishsplash(scene, adaptive=False),
     ADAPTIVE: lambda scene, _: time_splishsplash(scene, adaptive=True),
-    TORCH: lambda scene, simulator: time_surfsup(scene, simulator, use_native=False),
+    WARP: lambda scene, simulator: time_surfsup(scene, simulator, use_native=False),
     NATIVE: lambda scene, simulator: time_surfsup(scene, simulator, use_native=True),
 }
 
@@ -172,7 +172,7 @@ def run_in_own_process(name: str, scene: Scene, threads: int, simulator: str) ->
 def compare(scene: Scene, surface: str, particles: int, threads: int, arguments: argparse.Namespace) -> None:
     """Time one scene with one number of threads, print all rounds, write the medians."""
     count = len(scene.initial_particles(scene.build_surface()).positions)
-    names = (FIXED, ADAPTIVE, NATIVE, *((TORCH,) if arguments.torch else ()))
+    names = (FIXED, ADAPTIVE, NATIVE, *((WARP,) if arguments.torch else ()))
     rounds = []
     for _ in range(arguments.rounds):
         timings = {name: run_in_own_process(name, scene, threads, arguments.simulator) for name in names}

@@ -5,7 +5,7 @@
 First it compares 50 frames of 3,000 particles with those of the native code on the CPU. Then, for every size, it
 simulates the scene of against_solver.py and prints milliseconds a frame (including the copy of each frame to the host),
 peak memory, and the least memory traffic of a frame (see `least_traffic`) as a share of the device's copy speed, which
-is measured in the same run. `--device cpu` tries all of it on torch's CPU path, without the native code.
+is measured in the same run. `--device cpu` tries all of it on Warp's CPU device, without the native code.
 """
 
 from __future__ import annotations

@@ -34,7 +34,7 @@ from typing import Any
 
 ROOT = Path(__file__).parent.parent
 RESULTS = Path(__file__).parent / "results"
-LIBRARIES = ("surfsup", "torch", "numpy", "pysplishsplash")
+LIBRARIES = ("surfsup", "torch", "warp-lang", "numpy", "pysplishsplash")
 
 Figure = float | str
 

@@ -7,7 +7,7 @@ device", or that converts a GPU's tensor to a NumPy array. It does not find what
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from typing import Any
 from unittest.mock import patch
 from weakref import WeakValueDictionary
@@ -15,6 +15,8 @@ from weakref import WeakValueDictionary
 import torch
 from torch.utils._python_dispatch import TorchDispatchMode
 from torch.utils._pytree import tree_leaves, tree_map
+
+from surfsup.sph.warp_engine import runtime
 
 GPU = torch.device("cuda:0")
 INTERNAL_DEVICE = "meta"  # the device in torch's C++: it is not the CPU, and every build of torch has it
@@ -103,12 +105,31 @@ def to_gpu_tensor(values: torch.Tensor) -> torch.Tensor:
 
 
 @contextmanager
+def warp_on_the_cpu() -> Iterator[None]:
+    """A context in which Warp computes on the CPU where the tensors report the simulated GPU."""
+    start, load_kernels, to_warp, to_torch = runtime.start, runtime.load_kernels, runtime.to_warp, runtime.to_torch
+
+    def to_warp_from_gpu(tensor: torch.Tensor | None, dtype: type) -> Any:
+        assert tensor is None or is_on_gpu(tensor)
+        return None if tensor is None else to_warp(tensor.detach().contiguous().values, dtype)
+
+    with (
+        patch.object(runtime, "start", lambda device: start("cpu")),
+        patch.object(runtime, "load_kernels", lambda kernels, device: load_kernels(kernels, "cpu")),
+        patch.object(runtime, "on_stream", lambda device: nullcontext()),
+        patch.object(runtime, "to_warp", to_warp_from_gpu),
+        patch.object(runtime, "to_torch", lambda array: to_gpu_tensor(to_torch(array))),
+    ):
+        yield
+
+
+@contextmanager
 def simulated_gpu() -> Iterator[torch.device]:
     """A context in which tensors can be moved to the device that it yields."""
     lifted = torch._C._only_lift_cpu_tensors()
     torch._C._set_only_lift_cpu_tensors(True)
     try:
-        with patch.object(torch.cuda, "_lazy_init"), SimulatedGpu():
+        with patch.object(torch.cuda, "_lazy_init"), warp_on_the_cpu(), SimulatedGpu():
             yield GPU
     finally:
         torch._C._set_only_lift_cpu_tensors(lifted)

@@ -1,5 +1,6 @@
 """Everything is on one device; simulated_gpu.py says what these tests can find."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,8 @@ from surfsup.learned.registry import LEARNED_SIMULATORS
 from surfsup.scene import Scene
 from surfsup.simulation import Simulation
 from surfsup.sph.environment import Environment
+from surfsup.sph.solver import DfsphSolver
+from surfsup.sph.state import ParticleState
 from tests.learned.simulated_gpu import simulated_gpu
 
 KNOT = Path(__file__).parents[2] / "examples" / "knot.obj"
@@ -64,6 +67,28 @@ def test_the_default_simulator_on_any_surface(surface, tmp_path):
             found = rollout(scene, str(gpu))
     # Rounding errors grow from the impact on, to less than a millimeter.
     np.testing.assert_allclose(np.stack(found), np.stack(expected), atol=1e-3, rtol=0)
+
+
+@pytest.mark.parametrize("with_map", [True, False])
+def test_the_gradients_of_the_default_simulator(with_map):
+    scene = make_scene(SURFACES["ball"])
+    start = scene.initial_particles(scene.build_surface())
+
+    def gradients(device: str) -> list[torch.Tensor]:
+        environment = Environment.of(scene, scene.build_surface(), device)
+        if not with_map:
+            environment = replace(environment, boundary_map=None)
+        positions = torch.from_numpy(start.positions - [0, 0, 0.01]).float().to(device).requires_grad_()
+        velocities = torch.from_numpy(start.velocities).to(device).requires_grad_()
+        after, _ = DfsphSolver().step(ParticleState(positions, velocities), environment)
+        found = torch.autograd.grad(after.velocities.square().sum(), [positions, velocities])
+        return [gradient.cpu() for gradient in found]
+
+    expected = gradients("cpu")
+    with simulated_gpu() as gpu:
+        found = gradients(str(gpu))
+    for ours, theirs in zip(found, expected, strict=True):
+        torch.testing.assert_close(ours, theirs, atol=1e-5 * float(theirs.abs().max()), rtol=0)
 
 
 @pytest.mark.parametrize("kind", LEARNED_SIMULATORS)

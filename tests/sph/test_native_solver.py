@@ -54,14 +54,14 @@ def joined(*states: ParticleState) -> ParticleState:
     return ParticleState(*(torch.cat(values) for values in zip(*(vars(s).values() for s in states), strict=True)))
 
 
-def torch_solver() -> DfsphSolver:
+def warp_solver() -> DfsphSolver:
     solver = DfsphSolver()
     solver.native = None
     return solver
 
 
-def by_torch(state: ParticleState, environment: Environment) -> Motion:
-    observation = torch_solver().observe(state, environment)
+def by_warp(state: ParticleState, environment: Environment) -> Motion:
+    observation = warp_solver().observe(state, environment)
     return observation.positions, observation.velocities
 
 
@@ -70,9 +70,9 @@ def by_native(state: ParticleState, environment: Environment, isa: str) -> Motio
     return frame.positions, frame.velocities
 
 
-def assert_equals_torch(motion: Motion, state: ParticleState, environment: Environment) -> None:
+def assert_equals_warp(motion: Motion, state: ParticleState, environment: Environment) -> None:
     """Equal within 1e-8 m of displacement per frame, relative to its size, and the rounding of positions."""
-    positions, velocities = by_torch(state, environment)
+    positions, velocities = by_warp(state, environment)
     size = 1 + float((velocities - state.velocities).abs().max()) * FRAME_TIME / 1e-4
     torch.testing.assert_close(motion[1] * FRAME_TIME, velocities * FRAME_TIME, atol=1e-8 * size, rtol=2e-7)
     torch.testing.assert_close(motion[0], positions, atol=1e-8 * size + 1.2e-7, rtol=2e-7)
@@ -81,9 +81,9 @@ def assert_equals_torch(motion: Motion, state: ParticleState, environment: Envir
 @every_isa
 @given(seed=st.integers(0, 2**32 - 1), count=st.integers(1, 400), side=st.floats(0.08, 1.0))
 @settings(max_examples=20)
-def test_it_equals_torch_on_random_states_beside_a_solid(isa, seed, count, side):
+def test_it_equals_warp_on_random_states_beside_a_solid(isa, seed, count, side):
     state, environment = splash(count, seed, side=side), environment_of(BALL)
-    assert_equals_torch(by_native(state, environment, isa), state, environment)
+    assert_equals_warp(by_native(state, environment, isa), state, environment)
 
 
 @every_isa
@@ -91,7 +91,7 @@ def test_it_equals_torch_on_random_states_beside_a_solid(isa, seed, count, side)
     "place",
     ["no solid", "floor", "corner", "tilted gravity", "solid without a map", "rotated solid", "inside a solid"],
 )
-def test_it_equals_torch_in_every_environment(isa, place):
+def test_it_equals_warp_in_every_environment(isa, place):
     state, environment = {
         "no solid": (splash(300), environment_of()),
         "floor": (splash(300, low=0.02), environment_of()),
@@ -104,7 +104,7 @@ def test_it_equals_torch_in_every_environment(isa, place):
             environment_of(Transformed(Box((0.4, 0.4, 0.4)), None, (0.0, 0.0, 0.4))),
         ),
     }[place]
-    assert_equals_torch(by_native(state, environment, isa), state, environment)
+    assert_equals_warp(by_native(state, environment, isa), state, environment)
 
 
 @every_isa
@@ -114,15 +114,15 @@ def test_no_particle_one_and_two_particles(isa, count):
     positions, velocities = by_native(state, environment, isa)
     assert positions.shape == velocities.shape == (count, 3)
     if count:
-        assert_equals_torch((positions, velocities), state, environment)
+        assert_equals_warp((positions, velocities), state, environment)
 
 
 @every_isa
-def test_the_recorded_substep_equals_torch(isa):
+def test_the_recorded_substep_equals_warp(isa):
     state, environment = splash(300), environment_of(BALL)
     frame, substep = NativeSolver(isa).observe(state, environment)
-    expected = torch_solver().observe(state, environment)
-    assert_equals_torch((frame.positions, frame.velocities), state, environment)
+    expected = warp_solver().observe(state, environment)
+    assert_equals_warp((frame.positions, frame.velocities), state, environment)
     for name, value in vars(substep).items():
         if name != "graph":
             reference = getattr(expected.substep, name)
@@ -134,7 +134,7 @@ def test_the_recorded_substep_equals_torch(isa):
 @every_isa
 def test_particles_in_one_place(isa):
     state = ParticleState(*(value.repeat(100, 1) for value in vars(splash(1)).values()))
-    assert_equals_torch(by_native(state, environment_of(), isa), state, environment_of())
+    assert_equals_warp(by_native(state, environment_of(), isa), state, environment_of())
 
 
 @every_isa
@@ -149,7 +149,7 @@ def test_particles_far_apart(isa, far):
     here, there = splash(80), shifted(splash(80, 1), far, -far, far)
     both = joined(here, there)
     if far <= 1e3:  # beyond, single precision rounds the distant positions to one
-        assert_equals_torch(by_native(both, environment_of(), isa), both, environment_of())
+        assert_equals_warp(by_native(both, environment_of(), isa), both, environment_of())
     positions, _ = by_native(both, environment_of(), isa)
     alone, _ = by_native(here, environment_of(), isa)
     torch.testing.assert_close(positions[:80], alone, atol=1e-6, rtol=0)
@@ -226,11 +226,11 @@ def test_a_distance_of_nan_affects_only_the_particles_near_it(isa):
     assert torch.equal(velocities[60:], whole[1][60:])
 
 
-def test_a_rollout_of_twenty_frames_stays_close_to_torch():
+def test_a_rollout_of_twenty_frames_stays_close_to_warp():
     grid = torch.cartesian_prod(*[torch.arange(8) * 0.03] * 3) + torch.tensor([-0.1, -0.1, 0.64])
     state, environment = ParticleState(grid, torch.zeros_like(grid) - 2.0 * GRAVITY / GRAVITY[2]), environment_of(BALL)
     ours = [now.positions for now, _ in DfsphSolver().rollout(state, environment, 21)]
-    theirs = [now.positions for now, _ in torch_solver().rollout(state, environment, 21)]
+    theirs = [now.positions for now, _ in warp_solver().rollout(state, environment, 21)]
     assert not torch.equal(ours[-1], theirs[-1])  # two implementations, not one
     assert (ours[-1] - theirs[-1]).abs().max() < 5e-5
 
@@ -243,7 +243,7 @@ def test_a_copied_solver_steps_as_the_original():
     assert torch.equal(first.positions, second.positions)
 
 
-def test_torch_steps_where_a_gradient_or_double_precision_is_needed():
+def test_warp_steps_where_a_gradient_or_double_precision_is_needed():
     state, environment = splash(30), environment_of(BALL)
     assert can_step_native(state, environment)
     assert not can_step_native(ParticleState(state.positions.requires_grad_(), state.velocities), environment)
@@ -390,7 +390,7 @@ def test_a_frame_with_collisions_equals_the_step_and_the_collision_handling_of_t
     with torch.no_grad():
         frame = solver.step(state, environment)
         assert frame.finished and frame.collided.any()
-        positions, velocities = by_torch(state, environment)
+        positions, velocities = by_warp(state, environment)
         monkeypatch.setattr("surfsup.sph.collision.can_run_native", lambda *_, **__: False)
         expected = resolve_collisions(state.positions, positions, velocities, environment)
     alike = (frame.positions - expected.positions).abs().amax(dim=-1) < 2e-5

@@ -154,7 +154,7 @@ class Segment:
 class CheckpointedSegment(torch.autograd.Function):
     """A segment that stores nothing but its start.
 
-    The forward pass records no gradients, so the native step can do it, ten times as fast as torch.
+    The forward pass records no gradients, so C++ can simulate it, several times as fast as Warp.
     """
 
     @staticmethod

@@ -1,6 +1,6 @@
 """The C++ code: DFSPH solver, neighbor search, signed distances, neighbor convolution.
 
-It is built with the package where there is a compiler. Without it torch computes the same;
+It is built with the package where there is a compiler. Without it Warp and torch compute the same;
 :mod:`surfsup.native.dispatch` decides.
 """
 

@@ -3,21 +3,23 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
+from functools import cached_property
+from typing import TYPE_CHECKING, ClassVar
 
 import torch
 from torch import Tensor
 
 from surfsup.native.dispatch import can_run_native, is_built
 from surfsup.sph.collision import LastQuery, resolve_collisions
-from surfsup.sph.dfsph import Substep, solve_frame
+from surfsup.sph.dfsph import Substep
 from surfsup.sph.energy import limit_energy_gain
 from surfsup.sph.environment import Environment
-from surfsup.sph.kernels import KERNEL_SUPPORT
 from surfsup.sph.native_solver import NativeSolver
-from surfsup.sph.neighbor_search import find_neighbors
 from surfsup.sph.simulator import Simulator
 from surfsup.sph.state import ParticleState
+
+if TYPE_CHECKING:
+    from surfsup.sph.warp_engine.solver import WarpSolver
 
 
 @dataclass(frozen=True)
@@ -46,14 +48,22 @@ class Observation:
 class DfsphSolver(Simulator[ParticleState]):
     """Advances particles by frames of 0.005 s with five DFSPH substeps each (:mod:`surfsup.sph.dfsph`).
 
-    Runs in C++ on CPUs in single precision where no gradient is needed, and in torch otherwise: with gradients in
-    positions, velocities and the shape of the solid, in double precision, on GPUs. Both agree to rounding.
+    Runs in C++ on CPUs in single precision where no gradient is needed, and in Warp otherwise: with gradients in
+    positions, velocities and the shape of the solid, in double precision, on GPUs, and on CPUs without the C++ code.
+    Both agree to rounding.
     """
 
     history_length: ClassVar[int] = 0  # positions and end-of-frame velocities are the whole state
 
     def __init__(self) -> None:
         self.native = NativeSolver() if is_built() else None
+
+    @cached_property
+    def warp(self) -> WarpSolver:
+        """The solver in Warp, which is imported where it is needed first."""
+        from surfsup.sph.warp_engine.solver import WarpSolver
+
+        return WarpSolver()
 
     def initial_state(self, positions: Tensor, velocities: Tensor, environment: Environment) -> ParticleState:
         """The state of particles (N, 3) at the start of a scene."""
@@ -77,13 +87,14 @@ class DfsphSolver(Simulator[ParticleState]):
                 return ParticleState(frame.positions, frame.velocities), frame.collided
             positions, velocities, last_query = frame.positions, frame.velocities, frame.last_query
         else:
-            observation = self.observe(state, environment)
-            positions, velocities = observation.positions, observation.velocities
-            last_query = observation.last_query
+            predicted, _ = state.ballistic(environment.gravity)
+            distance, normal = environment.distance_and_normal(predicted)
+            positions, velocities = self.warp.advance(state, environment, predicted, distance, normal)
+            last_query = LastQuery(predicted, distance)
         return finish_step(state, positions, velocities, environment, last_query, handle_collisions)
 
     def observe(self, state: ParticleState, environment: Environment) -> Observation:
-        """The frame by the pressure solve alone, and its last substep.
+        """The frame by the pressure solve alone, and its last substep, without gradients.
 
         Raises:
             SimulationError: as :meth:`step`.
@@ -95,13 +106,11 @@ class DfsphSolver(Simulator[ParticleState]):
             return Observation(
                 state, frame.positions, frame.velocities, delta_position, delta_velocity, frame.last_query, substep
             )
-        distance, normal = environment.distance_and_normal(predicted)
-        neighbors = find_neighbors(0.5 * (state.positions + predicted), KERNEL_SUPPORT)
-        delta_velocity, delta_position, substep = solve_frame(
-            state, predicted, distance, normal, environment, neighbors
-        )
-        positions, velocities = predicted + delta_position, falling + delta_velocity
+        with torch.no_grad():
+            distance, normal = environment.distance_and_normal(predicted)
+            positions, velocities, substep = self.warp.observe(state, environment, predicted, distance, normal)
         last_query = LastQuery(predicted, distance)
+        delta_position, delta_velocity = positions - predicted, velocities - falling
         return Observation(state, positions, velocities, delta_position, delta_velocity, last_query, substep)
 
 

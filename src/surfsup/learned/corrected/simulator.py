@@ -68,6 +68,8 @@ class CorrectedSimulator(LearnedSimulator[ParticleState]):
     ) -> tuple[ParticleState, Tensor]:
         """The state one frame later, and which particles (N,) collision handling moved.
 
+        Its gradients reach the network's weights, but neither the state before nor the solid.
+
         Raises:
             SimulationError: a position is not finite, or the particles have collapsed into a clump.
         """

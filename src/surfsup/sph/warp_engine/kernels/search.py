@@ -1,0 +1,98 @@
+"""Neighbor search: particles into cells of a hash grid, and their neighbors from the cells around."""
+
+from functools import cache
+from types import SimpleNamespace
+
+import warp as wp
+
+from surfsup.sph.kernels import KERNEL_SUPPORT
+from surfsup.sph.warp_engine.runtime import Precision
+
+MAX_CELL = 2**20  # cells from the origin along an axis; particles beyond share the last cell
+
+
+@cache
+def search_kernels(precision: Precision) -> SimpleNamespace:
+    """The kernels of the neighbor search in a precision."""
+    real, vec3 = precision.real, precision.vec3
+    module = f"surfsup.neighbors.{precision.name}"
+    support = real(KERNEL_SUPPORT)
+    limit = real(MAX_CELL)
+    half = real(0.5)
+
+    @wp.func
+    def coordinate(x: real) -> int:
+        return int(wp.floor(wp.clamp(x / support, -limit, limit)))
+
+    @wp.func
+    def number_of(x: int, y: int, z: int, side: int) -> int:
+        # Cell coordinates are taken modulo the side, so that any extent fits.
+        mask = side - 1
+        return ((z & mask) * side + (y & mask)) * side + (x & mask)
+
+    @wp.kernel(module=module, enable_backward=False)
+    def assign_cells(
+        positions: wp.array(dtype=vec3),
+        predicted: wp.array(dtype=vec3),
+        side: int,
+        cells: wp.array(dtype=int),
+        order: wp.array(dtype=int),
+        counts: wp.array(dtype=int),
+        infinite: wp.array(dtype=int),
+    ):
+        i = wp.tid()
+        middle = half * (positions[i] + predicted[i])
+        cell = int(0)
+        if wp.isfinite(middle):
+            cell = number_of(coordinate(middle[0]), coordinate(middle[1]), coordinate(middle[2]), side)
+        else:
+            infinite[0] = 1
+        cells[i] = cell
+        order[i] = i
+        wp.atomic_add(counts, cell, 1)
+
+    @wp.kernel(module=module, enable_backward=False)
+    def sort_positions(
+        positions: wp.array(dtype=vec3),
+        predicted: wp.array(dtype=vec3),
+        order: wp.array(dtype=int),
+        middles: wp.array(dtype=vec3),
+    ):
+        i = wp.tid()
+        k = order[i]
+        middles[i] = half * (positions[k] + predicted[k])
+
+    @wp.kernel(module=module, enable_backward=False)
+    def list_neighbors(
+        middles: wp.array(dtype=vec3),
+        starts: wp.array(dtype=int),
+        side: int,
+        capacity: int,
+        neighbors: wp.array2d(dtype=int),
+        counts: wp.array(dtype=int),
+    ):
+        i = wp.tid()
+        own = middles[i]
+        x, y, z = coordinate(own[0]), coordinate(own[1]), coordinate(own[2])
+        # The three cells of a row follow each other, unless the row crosses the grid's border.
+        inner = (x & (side - 1)) > 0 and (x & (side - 1)) < side - 1
+        parts, width = int(3), int(1)
+        if inner:
+            parts, width = int(1), int(3)
+        found = int(0)
+        for row in range(9):
+            for part in range(parts):
+                first = number_of(x - 1 + part, y + row % 3 - 1, z + row // 3 - 1, side)
+                for j in range(starts[first], starts[first + width]):
+                    if wp.length_sq(middles[j] - own) <= support * support and j != i:
+                        if found < capacity:
+                            neighbors[i, found] = j
+                        found += 1
+        counts[i] = found
+
+    return SimpleNamespace(
+        kernels=[assign_cells, sort_positions, list_neighbors],
+        assign_cells=assign_cells,
+        sort_positions=sort_positions,
+        list_neighbors=list_neighbors,
+    )

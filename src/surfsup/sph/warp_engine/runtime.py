@@ -1,0 +1,151 @@
+"""Warp's start, its types by precision, and one clear line where it cannot run here."""
+
+from __future__ import annotations
+
+import os
+import sys
+import tempfile
+from collections.abc import Iterable, Iterator
+from contextlib import AbstractContextManager, contextmanager, nullcontext
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+import torch
+import warp as wp
+from torch import Tensor
+
+from surfsup.errors import SimulationError
+
+STANDARD_ERROR = 2  # file descriptor
+
+wp.config.log_level = wp.LOG_ERROR  # no banner
+
+
+@dataclass(frozen=True)
+class Precision:
+    """Warp's types of a torch precision.
+
+    Attributes:
+        name: suffix of the modules that are compiled for it.
+        real: a number.
+        vec3: three numbers.
+        mat33: three by three numbers.
+    """
+
+    name: str
+    real: type
+    vec3: type
+    mat33: type
+
+
+@cache
+def precision_of(dtype: torch.dtype) -> Precision:
+    """Warp's types of a ``dtype``, the same object in every call.
+
+    Raises:
+        SimulationError: it is neither single nor double precision.
+    """
+    if dtype == torch.float32:
+        return Precision("float32", wp.float32, wp.vec3f, wp.mat33f)
+    if dtype == torch.float64:
+        return Precision("float64", wp.float64, wp.vec3d, wp.mat33d)
+    raise SimulationError(f"the solver computes in float32 or float64, not in {str(dtype).removeprefix('torch.')}")
+
+
+@cache
+def start(device: str) -> None:
+    """Initialize Warp for a device of torch.
+
+    Raises:
+        SimulationError: Warp's cache cannot be written, or it finds no driver for the device.
+    """
+    try:
+        with without_driver_warning():
+            wp.init()
+        wp.get_device(device)
+    except OSError as error:
+        raise cache_error(error) from None
+    except Exception as error:
+        raise launch_error(device, error) from None
+
+
+@contextmanager
+def without_driver_warning() -> Iterator[None]:
+    """Leave out Warp's line on standard error that a machine without an NVIDIA GPU has no driver for one."""
+    with tempfile.TemporaryFile() as written:
+        sys.stderr.flush()
+        kept = os.dup(STANDARD_ERROR)
+        os.dup2(written.fileno(), STANDARD_ERROR)
+        try:
+            yield
+        finally:
+            os.dup2(kept, STANDARD_ERROR)
+            os.close(kept)
+            written.seek(0)
+            lines = written.read().decode(errors="replace").splitlines(keepends=True)
+            sys.stderr.writelines(line for line in lines if "find or load the NVIDIA CUDA driver" not in line)
+
+
+def load_kernels(kernels: Iterable[Any], device: str) -> None:
+    """Compile the modules of ``kernels`` for a device, or read them from Warp's cache.
+
+    Raises:
+        SimulationError: Warp's cache cannot be written, or a kernel fails to compile.
+    """
+    try:
+        for module in dict.fromkeys(kernel.module for kernel in kernels):
+            module.load(wp.get_device(device))
+    except OSError as error:
+        raise cache_error(error) from None
+    except Exception as error:
+        raise launch_error(device, error) from None
+
+
+def cache_error(error: OSError) -> SimulationError:
+    """The error for a cache of compiled kernels that cannot be written."""
+    return SimulationError(
+        f"Warp cannot write its compiled kernels to {wp.config.kernel_cache_dir or 'its cache'} "
+        f"({error.strerror or error}); set WARP_CACHE_PATH to a directory that can be written"
+    )
+
+
+def launch_error(device: str, error: Exception) -> SimulationError:
+    """The error for kernels that do not compile or run on a device."""
+    reason = (str(error).strip().splitlines() or [type(error).__name__])[0]
+    way_out = "install a C++ compiler and build surfsup with it" if device == "cpu" else "try --device cpu"
+    return SimulationError(f"Warp's kernels cannot run on the device '{device}' ({reason}); {way_out}")
+
+
+@contextmanager
+def memory_errors(particles: int, bytes_per_particle: int, device: torch.device) -> Iterator[None]:
+    """Say how many particles would fit where a device has too little memory.
+
+    Raises:
+        SimulationError: with one line.
+    """
+    try:
+        yield
+    except RuntimeError as error:
+        if not any(words in str(error).lower() for words in ("failed to allocate", "out of memory")):
+            raise
+        memory = torch.cuda.mem_get_info(device)[1] if device.type == "cuda" else 0
+        room = f"; about {memory // bytes_per_particle} would fit" if memory else ""
+        raise SimulationError(f"the device '{device}' has too little memory for {particles} particles{room}") from None
+
+
+def on_stream(device: torch.device) -> AbstractContextManager[Any]:
+    """Lets Warp launch on the stream that torch uses on a GPU."""
+    if device.type != "cuda":
+        return nullcontext()
+    return wp.ScopedStream(wp.stream_from_torch(torch.cuda.current_stream(device)))
+
+
+def to_warp(tensor: Tensor | None, dtype: type) -> Any:
+    """A tensor without its gradient as Warp takes it, None for none; it shares the memory of a contiguous one."""
+    return None if tensor is None else wp.from_torch(tensor.detach().contiguous(), dtype=dtype, requires_grad=False)
+
+
+def to_torch(array: Any) -> Tensor:
+    """Warp's array as a tensor that shares its memory."""
+    return wp.to_torch(array)
