@@ -109,3 +109,9 @@ def test_times_out_of_range_are_refused(seconds, fps):
 def test_an_unknown_simulator_is_refused():
     with pytest.raises(InputError, match="there is no"):
         simulation_of(simulator="dfshp")
+
+
+def test_anything_but_a_state_is_refused_by_a_reset():
+    simulation = simulation_of()
+    with pytest.raises(InputError, match="reset to its 'state', not to Frame"):
+        simulation.reset(simulation.frame)

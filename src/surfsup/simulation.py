@@ -139,7 +139,13 @@ class Simulation:
         return as_frame(self.time, self._state.fluid.positions, self._state.fluid.velocities)
 
     def reset(self, state: SimulationState | None = None) -> None:
-        """Return to an earlier state of this simulation, or of one of the same scene; by default to the start."""
+        """Return to an earlier state of this simulation, or of one of the same scene; by default to the start.
+
+        Raises:
+            InputError: it is no state of a simulation.
+        """
+        if state is not None and not isinstance(state, SimulationState):
+            raise InputError(f"a simulation is reset to its 'state', not to {type(state).__name__}")
         self._state = self._start if state is None else state
 
     @torch.no_grad()
