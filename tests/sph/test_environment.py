@@ -2,8 +2,10 @@ import copy
 import pickle
 from dataclasses import replace
 
+import pytest
 import torch
 
+from surfsup.native.dispatch import is_built
 from surfsup.scene import Scene
 from surfsup.sdf import Sphere, Transformed
 from surfsup.sph.environment import Environment
@@ -17,6 +19,7 @@ def ball() -> Transformed:
     return Transformed(Sphere(0.3), torch.eye(3))
 
 
+@pytest.mark.skipif(not is_built(), reason="the package was built without a compiler")
 def test_it_can_be_copied_and_pickled_after_cpp_code_has_queried_it():
     environment = Environment.of(SCENE, ball())
     assert native_query(environment) is not None
