@@ -11,7 +11,7 @@ from surfsup.sdf import Box, Sphere
 
 SMALL = {"width": 48, "layers": 2, "frequency": 10.0, "batch": 256, "steps": 250, "warm_up": 20, "validate_every": 50}
 SMALL_MANY = {
-    "width": 48, "layers": 3, "code": 4, "octaves": 1, "shapes": 4, "points": 128, "steps": 400, "validate_every": 100,
+    "width": 48, "layers": 3, "code": 4, "octaves": 1, "shapes": 4, "points": 128, "steps": 1200, "validate_every": 300,
     "learning_rate": 5e-3,
 }  # fmt: skip
 
