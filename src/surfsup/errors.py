@@ -15,6 +15,13 @@ class InputError(ValueError):
     """
 
 
+class Interrupted(BaseException):
+    """The user interrupted a run that has finished a part of its work. The message says what is kept and where.
+
+    Like KeyboardInterrupt it is no Exception, so that no handler of errors takes it for one.
+    """
+
+
 class SimulationError(RuntimeError):
     """A simulation or a training run failed, although the input is valid.
 

@@ -35,12 +35,21 @@ class SceneOptions:
     no_fit: Annotated[bool, typer.Option("--no-fit", help="Keep the coordinates of the file, in meters.")] = False
     up: UpAxis = None
     turn: Annotated[float, typer.Option(help="Rotation of the surface about z in degrees.")] = 0.0
-    at: Annotated[Vector | None, typer.Option(help="Where the scaled surface stands, in meters; 0 0 0 by default.")] = (
-        None
-    )
-    block_min: Annotated[Vector | None, typer.Option(help="Lower corner of the block of water in meters.")] = None
-    block_max: Annotated[Vector | None, typer.Option(help="Upper corner of the block of water in meters.")] = None
-    container: Annotated[Vector | None, typer.Option(help="Sides of the container in meters; 1 1 2 by default.")] = None
+    at: Annotated[
+        Vector | None,
+        typer.Option(metavar="X Y Z", help="Where the scaled surface stands, in meters; 0 0 0 by default."),
+    ] = None
+    block_min: Annotated[
+        Vector | None,
+        typer.Option(metavar="X Y Z", help="Lower corner of the block of water in meters: -0.2 -0.2 1 or -0.2,-0.2,1."),
+    ] = None
+    block_max: Annotated[
+        Vector | None, typer.Option(metavar="X Y Z", help="Upper corner of the block of water in meters.")
+    ] = None
+    container: Annotated[
+        Vector | None,
+        typer.Option(metavar="X Y Z", help="Sides of the container in meters; 1 1 2 by default."),
+    ] = None
     shape: Annotated[str | None, typer.Option(help="Name of the shape in a DeepSDF with several.")] = None
 
     def read(self) -> Scene:
