@@ -88,7 +88,7 @@ def restore_rollouts(batch: Batch, run: TrainingRun, drawn: int, step: int) -> B
     """
     saved = run.saved_states.pop(drawn, [])
     if len(saved) == len(batch.windows):
-        states = run.objective.initial_states(batch, noise=0.0)
+        states = run.objective.true_states(batch)
         batch.states = [replace(state, **tensors) for state, tensors in zip(states, saved, strict=True)]
         batch.age = (step - drawn) // INTERLEAVED
     return batch
