@@ -16,7 +16,16 @@ from surfsup.optim.stopping import Stop as Stopping
 from surfsup.training.config import Phase
 from surfsup.training.run import TrainingRun
 from surfsup.training.train import train
-from tests.training.conftest import Stop, assert_same, batch_of, config, message_passing, stop_at
+from tests.training.conftest import (
+    SCENE,
+    Stop,
+    assert_same,
+    batch_of,
+    config,
+    message_passing,
+    stop_at,
+    write_trajectory,
+)
 
 
 @pytest.mark.parametrize(
@@ -158,6 +167,13 @@ def test_a_run_resumed_with_other_data_says_so_and_continues(tmp_path, data):
         assert [str(one.message) for one in found if "training data has changed" in str(one.message)] == changed * [
             f"{tmp_path / 'run'}: the training data has changed; the run continues with the new data"
         ]
+
+
+def test_a_network_with_surface_features_is_not_trained_without_surfaces(tmp_path, data):
+    write_trajectory(tmp_path / "00000.h5", SCENE.model_copy(update={"surface": None}))
+    with pytest.raises(InputError, match="'gns' learns from the surfaces of scenes, but the training data has none"):
+        train(TrainingRun(message_passing("gns"), tmp_path / "gns"), Windows(tmp_path), data)
+    train(TrainingRun(message_passing("no-sdf", steps=1), tmp_path / "no-sdf"), Windows(tmp_path), data)
 
 
 def test_folders_without_trajectories_are_refused_before_the_first_step(tmp_path, data):
