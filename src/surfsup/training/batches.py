@@ -104,9 +104,8 @@ def fit_normalizers(windows: WindowSource, run: TrainingRun) -> None:
     config = run.config
     randoms = [np.random.default_rng([config.seed, config.steps, number]) for number in range(NORMALIZATION_WINDOWS)]
     examples = [windows.sample(random, run.model.history_length, 1) for random in randoms]
-    if getattr(run.model, "surface_feature_count", 0) and all(
-        window.environment.surface is None for window in examples
-    ):
+    needs_surfaces = getattr(run.model, "surface_feature_count", 0) > 0
+    if needs_surfaces and all(window.environment.surface is None for window in examples):
         raise InputError(
             f"kind '{config.kind}' learns from the surfaces of scenes, but the training data has none; add scenes with "
             "a surface, or train kind 'no-sdf'"
