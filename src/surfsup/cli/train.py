@@ -16,7 +16,15 @@ if TYPE_CHECKING:
     from surfsup.datasets.windows import WindowSource
 
 
-PRESET_NAMES = ("surfsup", "gns", "value-only", "no-sdf", "corrected", "paper-recipe")  # a test compares the files
+PRESET_NAMES = (
+    "surfsup",
+    "gns",
+    "value-only",
+    "no-sdf",
+    "corrected",
+    "paper-recipe",
+    "decay",
+)  # a test compares the files
 
 
 def train(
