@@ -7,6 +7,7 @@ from functools import lru_cache
 import numpy as np
 from torch import Tensor
 
+from surfsup.errors import InputError
 from surfsup.scene import WALL_CELL, Container, Scene
 from surfsup.sdf import Box, MeshSurface, Surface, Transformed, polygonize
 from surfsup.sph.boundary.volume_map import VolumeMap, build_volume_map
@@ -14,6 +15,7 @@ from surfsup.sph.kernels import KERNEL_SUPPORT
 
 SURFACE_CELL = 0.025  # meters
 WALL_MARGIN = 0.1  # meters that a map extends past the walls, so that a particle that slips through is pushed back
+MAX_CELLS = 4_000_000  # of the map of a solid that moves: about 2 GB while it is made
 MESH_RESOLUTION = 160  # marching cubes cells along the longest side, for a solid whose value is only a bound
 
 
@@ -75,3 +77,23 @@ def map_in_container(surface: Surface, container: Container, depth: float = KERN
     lower = np.maximum(lower - reach, np.asarray(container.lower) - WALL_MARGIN)
     upper = np.minimum(upper + reach, np.asarray(container.upper) + WALL_MARGIN)
     return build_volume_map(surface, lower, upper, np.full(3, SURFACE_CELL), depth)
+
+
+def whole_map(surface: Surface, name: str, depth: float = KERNEL_SUPPORT) -> VolumeMap:
+    """The volume map of all of ``surface``, in its own frame, from its own value, down to ``depth`` meters inside.
+
+    Args:
+        surface: a solid that moves.
+        name: of the solid, for the message.
+        depth: meters.
+
+    Raises:
+        InputError: the solid is too large for a map, or has no point.
+    """
+    lower, upper = surface.bounds().detach().cpu().double().numpy()
+    reach = KERNEL_SUPPORT + SURFACE_CELL
+    cells = np.prod(np.ceil((upper - lower + 2 * reach) / SURFACE_CELL))
+    if not cells <= MAX_CELLS:
+        sides = " x ".join(f"{side:.3g}" for side in upper - lower)
+        raise InputError(f"surface '{name}' is {sides} m large, too large for a solid that moves; make it smaller")
+    return build_volume_map(surface, lower - reach, upper + reach, np.full(3, SURFACE_CELL), depth)
