@@ -118,7 +118,7 @@ class Simulation:
         self.name = simulator if isinstance(simulator, str) else type(simulator).__name__
         if isinstance(simulator, str):
             simulator, _ = load_simulator(simulator)
-        self._device = choose_device(device)
+        self._device = choose_device("cpu" if device is None and scene.moves else device)
         self._simulator = simulator.to(self._device)
         self.motion = SceneMotion(scene)
         self.surface = self.motion.solids.still

@@ -65,6 +65,10 @@ class Pose:
         """World coordinates of ``points`` (N, 3) in the solid's frame."""
         return points @ self.matrix.T + self.position
 
+    def to_own(self, points: np.ndarray) -> np.ndarray:
+        """World ``points`` (N, 3) in the solid's frame."""
+        return (points - self.position) @ self.matrix
+
 
 def between(one: Pose, other: Pose, part: float) -> Pose:
     """The pose at a ``part`` of the way: straight at constant speed, and turned at constant rate the shorter way."""

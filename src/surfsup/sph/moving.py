@@ -89,7 +89,7 @@ class FrameMotion:
         A piece is as short as makes every solid move at most a particle radius: so far water may miss it, and less
         than the clearance of collision handling.
         """
-        radii = self.largest_displacement / PARTICLE_RADIUS
+        radii = max(self.displacements, default=0.0) / PARTICLE_RADIUS
         count = 1 if radii <= 1 else min(SUBSTEPS * math.ceil(radii / SUBSTEPS), MAX_PIECES)
         if count == 1:
             return [self]
@@ -97,17 +97,14 @@ class FrameMotion:
         return [replace(part, seconds=self.seconds / count) for part in parts]
 
     @cached_property
-    def largest_displacement(self) -> float:
-        """The largest distance that a corner of a box around a solid moves, meters."""
-        return max((self.displacement(body) for body in self.bodies), default=0.0)
-
-    def displacement(self, body: MovingBody) -> float:
-        """The largest distance that a corner of the box around ``body`` moves, meters."""
-        start, end = self.start[body.solid.name], self.end[body.solid.name]
-        if start is end:
-            return 0.0
-        path = body.corners @ (end.matrix - start.matrix).T + (end.position - start.position)
-        return math.sqrt((path**2).sum(axis=1).max())
+    def displacements(self) -> list[float]:
+        """The largest distance that a corner of the box around each solid moves, meters."""
+        found = []
+        for body in self.bodies:
+            start, end = self.start[body.solid.name], self.end[body.solid.name]
+            path = body.corners @ (end.matrix - start.matrix).T + (end.position - start.position)
+            found.append(math.sqrt((path**2).sum(axis=1).max()))
+        return found
 
     def native(
         self, query_positions: np.ndarray | None = None, query_distance: np.ndarray | None = None, count: int = 0

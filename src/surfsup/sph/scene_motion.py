@@ -59,13 +59,12 @@ def warn_jumps(environment: Environment, frame: int) -> None:
         PoseJumpWarning: naming the first of them.
     """
     motion = environment.motion
-    for body in motion.bodies if motion is not None else ():
-        path = motion.displacement(body) if motion is not None else 0.0
-        if path > JUMP:
-            warnings.warn(
-                f"surface '{body.solid.name}' moves {path:.2g} m in frame {frame}, as fast as {path / motion.seconds:.0f} m/s; "
-                "what is in its way is thrown aside, so let it move there over more frames",
-                PoseJumpWarning,
-                stacklevel=3,
-            )
-            return
+    if motion is None or max(motion.displacements, default=0.0) <= JUMP:
+        return
+    path, body = max(zip(motion.displacements, motion.bodies, strict=True), key=lambda pair: pair[0])
+    warnings.warn(
+        f"surface '{body.solid.name}' moves {path:.2g} m in frame {frame}, as fast as {path / motion.seconds:.0f} m/s; "
+        "what is in its way is thrown aside, so let it move there over more frames",
+        PoseJumpWarning,
+        stacklevel=3,
+    )

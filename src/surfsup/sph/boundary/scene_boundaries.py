@@ -36,13 +36,13 @@ class Walls(Surface):
 
 
 def scene_volume_maps(scene: Scene, surface: Surface | None) -> list[VolumeMap]:
-    """The volume maps of ``scene``: its container, then ``surface`` if there is one.
+    """The volume maps of ``scene``: its container unless it is open, then ``surface`` if there is one.
 
     Raises:
         InputError: the surface has no point near the container.
     """
-    walls = wall_map(scene.container)
-    return [walls] if surface is None else [walls, surface_map(surface, scene.container)]
+    walls = [] if scene.container.open else [wall_map(scene.container.model_copy(update={"motion": None}))]
+    return walls if surface is None else [*walls, surface_map(surface, scene.container)]
 
 
 @lru_cache(maxsize=4)
@@ -62,8 +62,12 @@ def surface_map(surface: Surface, container: Container) -> VolumeMap:
     Raises:
         InputError: the surface has no point near the container.
     """
-    exact = surface if surface.exact_outside else MeshSurface(polygonize(surface, MESH_RESOLUTION), exact=True)
-    return map_in_container(exact, container)
+    return map_in_container(exact_outside(surface), container)
+
+
+def exact_outside(surface: Surface) -> Surface:
+    """The surface, or its triangles if its value outside is only a bound."""
+    return surface if surface.exact_outside else MeshSurface(polygonize(surface, MESH_RESOLUTION), exact=True)
 
 
 def map_in_container(surface: Surface, container: Container, depth: float = KERNEL_SUPPORT) -> VolumeMap:
