@@ -294,4 +294,5 @@ def hermite(old: FluidState, new: FluidState, part: float) -> tuple[torch.Tensor
 
 def as_frame(time: float, positions: torch.Tensor, velocities: torch.Tensor, poses: Mapping[str, Pose]) -> Frame:
     """A frame with copies of the particles as NumPy arrays."""
-    return Frame(time, *(values.detach().float().cpu().numpy().copy() for values in (positions, velocities)), poses)
+    place, speed = (values.detach().float().cpu().numpy().copy() for values in (positions, velocities))
+    return Frame(time, place, speed, poses)

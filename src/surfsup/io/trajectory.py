@@ -25,7 +25,9 @@ from surfsup.scene import FRAME_TIME, PARTICLE_RADIUS, Scene
 from surfsup.scene.pose import Pose
 
 GROUP = "00000"
-POSES = f"{GROUP}/pose"  # group with a data set (frames, 7) for each solid that moves: x, y, z in meters, then w, x, y, z
+POSES = (
+    f"{GROUP}/pose"  # group with a data set (frames, 7) for each solid that moves: x, y, z in meters, then w, x, y, z
+)
 FRAMES_PER_CHUNK = 2  # larger chunks compress better (8: 0.66 instead of 0.72), but windows then read unused frames
 FRAMES_PER_FLUSH = 8
 COMPRESSION_LEVEL = 2  # of ISA-L
@@ -216,9 +218,7 @@ class TrajectoryWriter:
         """Write ``values`` (numbers, texts, arrays) as attributes of a new group."""
         self._file.create_group(group).attrs.update(values)
 
-    def append(
-        self, positions: np.ndarray, velocities: np.ndarray, poses: Mapping[str, Pose] | None = None
-    ) -> None:
+    def append(self, positions: np.ndarray, velocities: np.ndarray, poses: Mapping[str, Pose] | None = None) -> None:
         """Append a copy of one frame.
 
         Args:

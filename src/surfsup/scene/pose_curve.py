@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 
 from surfsup.scene import pose, quaternion
@@ -29,8 +31,7 @@ class PoseCurve:
             return
         steps = np.diff(self.times)[:, None]
         relative = [
-            quaternion.product(quaternion.inverse(a.rotation), b.rotation)
-            for a, b in zip(poses, poses[1:], strict=False)
+            quaternion.product(quaternion.inverse(a.rotation), b.rotation) for a, b in itertools.pairwise(poses)
         ]
         self._slopes = monotone_slopes(np.diff([key.position for key in poses], axis=0) / steps, steps)
         self._rates = monotone_slopes(np.array([quaternion.logarithm(turn) for turn in relative]) / steps, steps)

@@ -19,7 +19,7 @@ from surfsup.scene.fluid import SPACING, Block, Fluid, InitialParticles
 from surfsup.scene.mesh_surface import MeshFileSurface
 from surfsup.scene.motion import Motion
 from surfsup.scene.safe_yaml import parse_yaml
-from surfsup.scene.shapes import Shape
+from surfsup.scene.shapes import KINDS, Shape
 from surfsup.scene.solids import CONTAINER, NamedShape, as_named_shape, build_solids
 from surfsup.scene.strict_model import Length, StrictModel, Vector, for_callers_only
 from surfsup.scene.validation_error import format_validation_error
@@ -147,15 +147,23 @@ class Scene(StrictModel):
             frames=frames,
         )
 
-    @model_validator(mode="after")
-    def check_surfaces(self) -> Scene:
+    @model_validator(mode="before")
+    @classmethod
+    def check_names(cls, values: Any) -> Any:
         """Refuse a single surface beside named ones, and names that mean something else."""
-        if self.surface is not None and self.surfaces:
+        named = values.get("surfaces") if isinstance(values, dict) else None
+        if not isinstance(named, dict) or not named:
+            return values
+        if values.get("surface") is not None:
             raise ValueError("give either surface or surfaces, not both")
-        for name in self.surfaces:
+        for name in map(str, named):
+            if name in KINDS:
+                raise ValueError(
+                    f"surfaces: '{name}' is a kind of surface, not a name; write surfaces: {{a-name: {{{name}: ...}}}}"
+                )
             if not name.strip() or name == CONTAINER or "/" in name:
                 raise ValueError(f"surfaces: '{name}' cannot be the name of a surface; choose another")
-        return self
+        return values
 
     @classmethod
     def from_yaml(cls, text: str, source: str, folder: Path = Path()) -> Scene:

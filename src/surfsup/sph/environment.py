@@ -10,8 +10,8 @@ import torch
 from torch import Tensor
 
 from surfsup import native
-from surfsup.native.dispatch import tensors_requiring_grad
 from surfsup.errors import InputError
+from surfsup.native.dispatch import tensors_requiring_grad
 from surfsup.scene import Scene
 from surfsup.scene.solids import Solids, build_solids
 from surfsup.sdf import Surface, Transformed

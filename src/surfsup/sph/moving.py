@@ -1,7 +1,7 @@
 """What moves in a frame: solids and walls with their poses before and after it.
 
 Within a frame each moves on a straight line at constant speed and turns at constant rate. A frame in which a solid
-moves farther than a particle radius is computed in pieces, so that the water meets it on its way.
+moves more than a particle radius is computed in pieces, so that the water meets it on its way.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import product
+from typing import Any
 
 import numpy as np
 
@@ -108,7 +109,7 @@ class FrameMotion:
 
     def native(
         self, query_positions: np.ndarray | None = None, query_distance: np.ndarray | None = None, count: int = 0
-    ) -> tuple[object, ...]:
+    ) -> tuple[Any, ...]:
         """The motion as C++ functions take it.
 
         Args:
@@ -118,9 +119,9 @@ class FrameMotion:
         """
         if query_positions is None or query_distance is None:
             query_positions, query_distance = no_query(len(self.bodies), count)
-        poses = np.array(
-            [[self.start[b.solid.name].array, self.end[b.solid.name].array] for b in self.bodies]
-        ).reshape(-1, 2, 7)
+        poses = np.array([[self.start[b.solid.name].array, self.end[b.solid.name].array] for b in self.bodies]).reshape(
+            -1, 2, 7
+        )
         walls = None
         if CONTAINER in self.start:
             walls = np.array([self.start[CONTAINER].array, self.end[CONTAINER].array])
@@ -154,7 +155,8 @@ class MovingSolids:
 
     def of_frame(self, number: int) -> FrameMotion:
         """The motion from frame ``number`` to the next as the scene describes it."""
-        return self.between(*(self.solids.poses(k * FRAME_TIME) for k in (number, number + 1)))
+        start, end = (self.solids.poses(k * FRAME_TIME) for k in (number, number + 1))
+        return self.between(start, end)
 
 
 def no_query(bodies: int, count: int) -> tuple[np.ndarray, np.ndarray]:

@@ -63,8 +63,8 @@ def warn_jumps(environment: Environment, frame: int) -> None:
         return
     path, body = max(zip(motion.displacements, motion.bodies, strict=True), key=lambda pair: pair[0])
     warnings.warn(
-        f"surface '{body.solid.name}' moves {path:.2g} m in frame {frame}, as fast as {path / motion.seconds:.0f} m/s; "
-        "what is in its way is thrown aside, so let it move there over more frames",
+        f"surface '{body.solid.name}' moves {path:.2g} m in frame {frame}, at {path / motion.seconds:.0f} m/s; "
+        "water in its way is thrown aside, so let it move there over more frames",
         PoseJumpWarning,
         stacklevel=3,
     )

@@ -65,7 +65,7 @@ def run(scene_file: str, frames: int, steps_per_frame: int, output: int) -> None
 
 
 def place_solid(solver: ModuleType, boundary: int, row: np.ndarray) -> None:
-    """Give the solid of a boundary the pose and velocity of ``row`` (13,), see :mod:`surfsup.splishsplash.solid_motion`."""
+    """Give the solid of a boundary the pose and velocity of ``row``, see :mod:`surfsup.splishsplash.solid_motion`."""
     solid = solver.Simulation.getCurrent().getBoundaryModel(boundary).getRigidBodyObject()
     place, rotation, velocity, spin = np.split(row[:13].astype(np.float32), [3, 7, 10])
     solid.setPosition(place)

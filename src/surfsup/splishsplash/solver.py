@@ -58,7 +58,9 @@ def simulate(
     solids = build_solids(scene) if scene.moves else Solids(surface)
     maps, motions = boundaries_of(scene, surface, solids)
     with tempfile.TemporaryDirectory(prefix="surfsup-") as folder, tempfile.TemporaryFile() as log:
-        scene_file = write_job(Path(folder), scene.gravity, start.block_positions, start.block_velocities, maps, motions)
+        scene_file = write_job(
+            Path(folder), scene.gravity, start.block_positions, start.block_velocities, maps, motions
+        )
         frames = run_child(scene_file, scene.frames, len(start.positions), threads, log)
         with contextlib.closing(frames):
             for number, frame in enumerate(frames):
