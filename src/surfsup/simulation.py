@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -15,9 +15,11 @@ from surfsup.errors import InputError
 from surfsup.io.trajectory import Provenance, TrajectoryWriter
 from surfsup.learned.loading import DEFAULT_SIMULATOR, load_simulator
 from surfsup.scene import FRAME_TIME, InitialParticles, Scene
+from surfsup.scene.pose import NO_ROTATION, Pose
 from surfsup.sph.collision import resolve_collisions
 from surfsup.sph.device import choose_device
 from surfsup.sph.environment import Environment
+from surfsup.sph.scene_motion import SceneMotion, warn_jumps
 from surfsup.sph.simulator import FluidState, Simulator
 
 ROUNDING = 1e-6  # of a frame, by which times may differ
@@ -31,6 +33,7 @@ class Frame:
         time: seconds since the start of the scene.
         positions: (N, 3) float32, meters.
         velocities: (N, 3) float32, m/s.
+        poses: of the solids that move, and of a container that moves, by name.
 
     Examples:
         >>> import surfsup as sf
@@ -43,6 +46,7 @@ class Frame:
     time: float
     positions: np.ndarray
     velocities: np.ndarray
+    poses: Mapping[str, Pose] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -52,6 +56,7 @@ class SimulationState:
     Attributes:
         frame: number of steps since the start of the scene.
         fluid: the simulator's own state, with tensors ``positions`` and ``velocities`` (N, 3).
+        poses: of all that moves, by name.
 
     Examples:
         >>> import surfsup as sf
@@ -65,6 +70,7 @@ class SimulationState:
 
     frame: int
     fluid: FluidState
+    poses: Mapping[str, Pose] = field(default_factory=dict)
 
 
 class Simulation:
@@ -81,7 +87,8 @@ class Simulation:
     Attributes:
         scene: the scene.
         name: of the simulator.
-        surface: the scene's solid, or None.
+        surface: the scene's solid, or None; without surfaces that move.
+        motion: what moves; :meth:`set_pose` and :meth:`set_motion` control it.
         particles: of the first frame.
 
     Raises:
@@ -111,16 +118,19 @@ class Simulation:
         self.name = simulator if isinstance(simulator, str) else type(simulator).__name__
         if isinstance(simulator, str):
             simulator, _ = load_simulator(simulator)
-        self._device = choose_device(device)
+        self._device = choose_device("cpu" if device is None and scene.moves else device)
         self._simulator = simulator.to(self._device)
-        self.surface = scene.build_surface()
-        self.particles = scene.initial_particles(self.surface) if particles is None else particles
-        self._environment = Environment.of(scene, self.surface, self._device)
+        self.motion = SceneMotion(scene)
+        self.surface = self.motion.solids.still
+        start = self.motion.solids.at_start()
+        self.particles = scene.initial_particles(start) if particles is None else particles
+        self._environment = self._make_environment()
         positions, velocities = (
             torch.from_numpy(values).to(self._device)
             for values in (self.particles.positions, self.particles.velocities)
         )
-        self._start = SimulationState(0, self._simulator.initial_state(positions, velocities, self._environment))
+        fluid = self._simulator.initial_state(positions, velocities, self._environment)
+        self._start = SimulationState(0, fluid, self.motion.solids.poses(0.0))
         self._state = self._start
 
     @property
@@ -136,7 +146,7 @@ class Simulation:
     @property
     def frame(self) -> Frame:
         """The particles now."""
-        return as_frame(self.time, self._state.fluid.positions, self._state.fluid.velocities)
+        return as_frame(self.time, self._state.fluid.positions, self._state.fluid.velocities, self._state.poses)
 
     def reset(self, state: SimulationState | None = None) -> None:
         """Return to an earlier state of this simulation, or of one of the same scene; by default to the start.
@@ -155,9 +165,50 @@ class Simulation:
         Raises:
             SimulationError: the simulation failed: particles are at infinity or collapsed into a clump.
         """
-        fluid, _ = self._simulator.step(self._state.fluid, self._environment, self.handle_collisions)
-        self._state = SimulationState(self._state.frame + 1, fluid)
+        number, environment = self._state.frame + 1, self._environment
+        poses = self.motion.next_poses(self._state.poses, number * FRAME_TIME)
+        if environment.moving is not None:
+            environment = environment.moved(environment.moving.between(self._state.poses, poses))
+            warn_jumps(environment, number)
+        fluid, _ = self._simulator.step(self._state.fluid, environment, self.handle_collisions)
+        self._state = SimulationState(number, fluid, poses)
         return self.frame
+
+    def set_pose(
+        self, name: str, position: Sequence[float] | np.ndarray, rotation: Sequence[float] | np.ndarray = NO_ROTATION
+    ) -> None:
+        """Move a named surface, or the ``container``, to a pose by the end of the next step, and keep it there.
+
+        Args:
+            name: its key under ``surfaces``.
+            position: (3,) meters, of the origin of its own frame, where ``at`` puts it at rest.
+            rotation: (4,) quaternion w, x, y, z of any length but zero.
+
+        Raises:
+            InputError: there is no such surface, a value is unusable, or the simulator knows no moving solids.
+        """
+        pose = Pose.of(position, rotation)
+        self.set_motion(name, lambda time: pose)
+
+    def set_motion(self, name: str, motion: Callable[[float], Pose]) -> None:
+        """Move a named surface, or the ``container``, by a function from the time in seconds to its pose.
+
+        Raises:
+            InputError: there is no such surface, or the simulator knows no moving solids.
+        """
+        if self.motion.override(name, motion):
+            return
+        # What stood still so far moves from now on, in a frame of its own.
+        poses = {name: self.motion.solids.poses(0.0)[name], **self._state.poses}
+        self.surface = self.motion.solids.still
+        self._environment = self._make_environment()
+        self._state = replace(self._state, poses=poses)
+        self._start = replace(self._start, poses=self.motion.solids.poses(0.0))
+
+    def _make_environment(self) -> Environment:
+        environment = Environment.of(self.scene, self.motion.solids.still, self._device, self.motion.solids)
+        self._simulator.check_knows(environment)
+        return environment
 
     def run(self, seconds: float | None = None, fps: float | None = None) -> Iterator[Frame]:
         """Yield the present frame and those of the next ``seconds``; afterwards the state is the one at their end.
@@ -194,7 +245,7 @@ class Simulation:
         count = len(self._state.fluid.positions)
         with TrajectoryWriter(Path(path), self.scene, Provenance(self.name), count) as writer:
             for frame in frames:
-                writer.append(frame.positions, frame.velocities)
+                writer.append(frame.positions, frame.velocities, frame.poses)
 
     def _frames(self, first: int, steps: float, interval: float) -> Iterator[Frame]:
         before = self._state
@@ -214,10 +265,14 @@ class Simulation:
             return self.frame
         old, new = before.fluid, self._state.fluid
         positions, velocities = hermite(old, new, part)
+        environment, poses = self._environment, before.poses
+        if environment.moving is not None:
+            motion = environment.moving.between(before.poses, self._state.poses).part(0, part)
+            environment, poses = environment.moved(motion), motion.end
         if self.handle_collisions:
-            result = resolve_collisions(old.positions, positions, velocities, self._environment)
+            result = resolve_collisions(old.positions, positions, velocities, environment)
             positions, velocities = result.positions, result.velocities
-        return as_frame(target * FRAME_TIME, positions, velocities)
+        return as_frame(target * FRAME_TIME, positions, velocities, poses)
 
 
 def hermite(old: FluidState, new: FluidState, part: float) -> tuple[torch.Tensor, torch.Tensor]:
@@ -237,6 +292,7 @@ def hermite(old: FluidState, new: FluidState, part: float) -> tuple[torch.Tensor
     return positions, velocities
 
 
-def as_frame(time: float, positions: torch.Tensor, velocities: torch.Tensor) -> Frame:
+def as_frame(time: float, positions: torch.Tensor, velocities: torch.Tensor, poses: Mapping[str, Pose]) -> Frame:
     """A frame with copies of the particles as NumPy arrays."""
-    return Frame(time, *(values.detach().float().cpu().numpy().copy() for values in (positions, velocities)))
+    place, speed = (values.detach().float().cpu().numpy().copy() for values in (positions, velocities))
+    return Frame(time, place, speed, poses)

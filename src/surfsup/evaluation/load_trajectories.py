@@ -184,7 +184,8 @@ def scene_difference(one: Scene, other: Scene) -> str | None:
     root = Path("/")
     if one.container != other.container:
         return "containers"
-    if one.with_paths_relative_to(root).surface != other.with_paths_relative_to(root).surface:
+    here, there = one.with_paths_relative_to(root), other.with_paths_relative_to(root)
+    if (here.surface, here.surfaces) != (there.surface, there.surfaces):
         return "surfaces"
     if one.gravity != other.gravity:
         return "gravities"

@@ -22,6 +22,7 @@ try:
         instruction_sets,
         interpolate_grid,
         resolve_collisions,
+        resolve_moving_collisions,
         sum_kernels,
         sum_kernels_gradient,
     )
@@ -47,6 +48,7 @@ __all__ = [
     "instruction_sets",
     "interpolate_grid",
     "resolve_collisions",
+    "resolve_moving_collisions",
     "sum_kernels",
     "sum_kernels_gradient",
 ]

@@ -17,6 +17,10 @@ SolidQuery: TypeAlias = "Solid | Callable[[Vectors, Values, Vectors | None], Non
 # Arrays of a substep: positions (N, 3), kernel sums (N, 8), density gradient (N, 3), boundary density (N,), its
 # gradient (N, 3), density error (N,), density rate (N,).
 Record: TypeAlias = tuple[np.ndarray, ...]
+# What moves: maps of the solids, boxes around them (K, 2, 3) float32, their queries, poses before and after (K, 2, 7)
+# float64, where each particle last queried them (K, N, 3) float32 and the distance there (K, N) float32, both updated;
+# poses of the walls (2, 7) float64 or None. A pose is a position and a quaternion w, x, y, z.
+Moving: TypeAlias = tuple[object, ...]
 
 def instruction_sets() -> list[str]:
     """Instruction sets that this processor supports, the fastest first."""
@@ -63,6 +67,26 @@ def resolve_collisions(
         query_positions, query_distance: (N, 3) and (N,), where each particle last queried the solid; None if unknown.
         isa: instruction set.
         threads: at most.
+
+    Raises:
+        ValueError: sizes do not fit, or the processor lacks the instruction set.
+    """
+
+def resolve_moving_collisions(
+    before: Vectors,
+    positions: Vectors,
+    velocities: Vectors,
+    collided: np.ndarray,
+    lower: Vector,
+    upper: Vector,
+    parameters: CollisionParameters,
+    solid: SolidQuery | None,
+    moving: Moving,
+    frame_time: float,
+    isa: str,
+    threads: int,
+) -> None:
+    """:func:`resolve_collisions` beside solids and walls that move for ``frame_time`` seconds.
 
     Raises:
         ValueError: sizes do not fit, or the processor lacks the instruction set.
@@ -122,11 +146,14 @@ class StepResult:
 
     Attributes:
         pairs: number of neighbor pairs; above ``max_pairs`` or -1 the step stopped early.
+        solid_work: of what moves on the particles, mean J/kg.
         finished: False where the energy limit was exceeded and the caller must finish the step.
     """
 
     @property
     def pairs(self) -> int: ...
+    @property
+    def solid_work(self) -> float: ...
     @property
     def finished(self) -> bool: ...
 
@@ -158,6 +185,7 @@ class Solver:
         new_velocities: Vectors,
         collided: np.ndarray,
         record: Record | None,
+        moving: Moving | None,
         isa: str,
         threads: int,
         max_pairs: int,
@@ -176,6 +204,7 @@ class Solver:
             new_positions, new_velocities: (N, 3), written.
             collided: (N,) bool, written.
             record: arrays for the last substep, written.
+            moving: what moves in the frame, without a record; None if nothing does.
             isa: instruction set.
             threads: at most.
             max_pairs: of neighbors; the step stops beyond it.

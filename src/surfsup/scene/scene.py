@@ -3,22 +3,24 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 import torch
 import yaml
-from pydantic import Field, GetPydanticSchema, PrivateAttr, ValidationError
+from pydantic import Field, GetPydanticSchema, PrivateAttr, ValidationError, model_validator
 from pydantic_core import core_schema
 from scipy.spatial import cKDTree
 
 from surfsup.errors import InputError
 from surfsup.scene.fluid import SPACING, Block, Fluid, InitialParticles
 from surfsup.scene.mesh_surface import MeshFileSurface
+from surfsup.scene.motion import Motion
 from surfsup.scene.safe_yaml import parse_yaml
-from surfsup.scene.shapes import Shape
+from surfsup.scene.shapes import KINDS, Shape
+from surfsup.scene.solids import CONTAINER, NamedShape, as_named_shape, build_solids
 from surfsup.scene.strict_model import Length, StrictModel, Vector, for_callers_only
 from surfsup.scene.validation_error import format_validation_error
 from surfsup.sdf import Surface
@@ -29,10 +31,16 @@ FRAME_TIME = 0.005  # seconds
 SURFACE_CLEARANCE = 0.0238
 WALL_CLEARANCE = 0.024
 WALL_CELL = 0.05  # meters, approximately: cell size of the walls' boundary volume maps
+OPEN = 1e5  # meters: where the walls of an open container are
 
 
 class Container(StrictModel):
     """The box around everything: x and y centered on 0, floor at z = 0, sides ``size`` in meters.
+
+    Attributes:
+        size: sides, meters.
+        open: no walls; ``size`` is then what pictures show.
+        motion: how the box moves; None if it stands still.
 
     Examples:
         >>> Container(size=(2, 1, 1)).lower
@@ -40,16 +48,31 @@ class Container(StrictModel):
     """
 
     size: tuple[Length, Length, Length] = (1.0, 1.0, 2.0)
+    open: bool = False
+    motion: Motion | None = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def accept_none(cls, values: Any) -> Any:
+        """Take ``none`` for a container without walls."""
+        return {"open": True} if isinstance(values, str) and values == "none" else values
+
+    @model_validator(mode="after")
+    def check_motion(self) -> Container:
+        """Refuse the motion of walls that are not there."""
+        if self.open and self.motion is not None:
+            raise ValueError("an open container has no walls that could move; omit its motion")
+        return self
 
     @property
     def lower(self) -> tuple[float, float, float]:
         """The corner with the smallest coordinates, meters."""
-        return (-self.size[0] / 2, -self.size[1] / 2, 0.0)
+        return (-OPEN, -OPEN, -OPEN) if self.open else (-self.size[0] / 2, -self.size[1] / 2, 0.0)
 
     @property
     def upper(self) -> tuple[float, float, float]:
         """The corner with the largest coordinates, meters."""
-        return (self.size[0] / 2, self.size[1] / 2, self.size[2])
+        return (OPEN, OPEN, OPEN) if self.open else (self.size[0] / 2, self.size[1] / 2, self.size[2])
 
 
 STANDARD_CONTAINER = Container()
@@ -60,9 +83,17 @@ def accept_surface(value: object, validate: core_schema.ValidatorFunctionWrapHan
     return value if isinstance(value, Surface) else validate(value)
 
 
+def accept_named_surface(value: object, validate: core_schema.ValidatorFunctionWrapHandler) -> object:
+    """Take a Surface object as it is; validate anything else as a shape that may have a motion."""
+    return value if isinstance(value, Surface) else validate(dict(value) if type(value) is Shape else value)
+
+
 # A file describes a shape; only Python code gives a Surface. So messages about files speak of shapes alone.
 SurfaceSchema = GetPydanticSchema(
     lambda _, handler: core_schema.no_info_wrap_validator_function(accept_surface, handler(Shape | None))
+)
+NamedSchema = GetPydanticSchema(
+    lambda _, handler: core_schema.no_info_wrap_validator_function(accept_named_surface, handler(NamedShape))
 )
 
 
@@ -72,6 +103,7 @@ class Scene(StrictModel):
     Attributes:
         fluid: blocks of fluid.
         surface: the solid, as a shape description or a Surface; None for an empty container.
+        surfaces: solids by name, instead of ``surface``; these may move.
         container: the box around everything.
         gravity: m/s².
         frames: number of frames, FRAME_TIME seconds each.
@@ -88,6 +120,7 @@ class Scene(StrictModel):
 
     container: Container = STANDARD_CONTAINER
     surface: Annotated[Shape | Surface | None, SurfaceSchema] = None
+    surfaces: dict[str, Annotated[NamedShape | Surface, NamedSchema]] = Field(default_factory=dict)
     fluid: list[Fluid] = Field(min_length=1)
     gravity: Vector = (0.0, 0.0, -9.81)
     frames: int = Field(default=800, ge=1)
@@ -99,12 +132,38 @@ class Scene(StrictModel):
         *,
         fluid: Sequence[Block | Fluid],
         surface: Shape | Surface | None = None,
+        surfaces: Mapping[str, Shape | Surface] | None = None,
         container: Container = STANDARD_CONTAINER,
         gravity: Vector = (0.0, 0.0, -9.81),
         frames: int = 800,
     ) -> None:
         entries = [Fluid(block=entry) if isinstance(entry, Block) else entry for entry in fluid]
-        super().__init__(fluid=entries, surface=surface, container=container, gravity=gravity, frames=frames)
+        super().__init__(
+            fluid=entries,
+            surface=surface,
+            surfaces=dict(surfaces or {}),
+            container=container,
+            gravity=gravity,
+            frames=frames,
+        )
+
+    @model_validator(mode="before")
+    @classmethod
+    def check_names(cls, values: Any) -> Any:
+        """Refuse a single surface beside named ones, and names that mean something else."""
+        named = values.get("surfaces") if isinstance(values, dict) else None
+        if not isinstance(named, dict) or not named:
+            return values
+        if values.get("surface") is not None:
+            raise ValueError("give either surface or surfaces, not both")
+        for name in map(str, named):
+            if name in KINDS:
+                raise ValueError(
+                    f"surfaces: '{name}' is a kind of surface, not a name; write surfaces: {{a-name: {{{name}: ...}}}}"
+                )
+            if not name.strip() or name == CONTAINER or "/" in name:
+                raise ValueError(f"surfaces: '{name}' cannot be the name of a surface; choose another")
+        return values
 
     @classmethod
     def from_yaml(cls, text: str, source: str, folder: Path = Path()) -> Scene:
@@ -155,7 +214,15 @@ class Scene(StrictModel):
                 f"scene: a file cannot describe its surface, a {type(shape).__name__} object; "
                 "give a Shape, or a surface from load_mesh"
             )
-        data = self.model_copy(update={"surface": shape}).model_dump(mode="json", exclude_defaults=True)
+        named = {name: as_named_shape(entry) for name, entry in self.surfaces.items()}
+        if missing := [name for name, entry in named.items() if entry is None]:
+            raise InputError(
+                f"scene: a file cannot describe its surface '{missing[0]}', a "
+                f"{type(self.surfaces[missing[0]]).__name__} object; give a Shape, or a surface from load_mesh"
+            )
+        data = self.model_copy(update={"surface": shape, "surfaces": named}).model_dump(
+            mode="json", exclude_defaults=True
+        )
         return yaml.safe_dump(data, sort_keys=False, default_flow_style=None)
 
     @property
@@ -165,7 +232,12 @@ class Scene(StrictModel):
 
     @property
     def surface_kind(self) -> str:
-        """The kind of the surface: a key of a scene file, "none" for no surface, "object" for one without a key."""
+        """The kind of the surface: a key of a scene file, "none" for no surface, "object" for one without a key.
+
+        Of named surfaces it is "several".
+        """
+        if self.surfaces:
+            return "several"
         shape = self.shape
         return "none" if shape is None else shape.kind if isinstance(shape, Shape) else "object"
 
@@ -178,9 +250,6 @@ class Scene(StrictModel):
             folder: folder of the new file.
             root: folder that may be moved as a whole; ``folder`` by default.
         """
-        shape = self.shape
-        if not isinstance(shape, Shape):
-            return self
         target, inside = folder.resolve(), (root or folder).resolve()
 
         def relocate(file: Path) -> Path:
@@ -189,7 +258,28 @@ class Scene(StrictModel):
             absolute = (self._folder / file).resolve()
             return Path(os.path.relpath(absolute, target)) if absolute.is_relative_to(inside) else absolute
 
-        return self.model_copy(update={"surface": shape.map_files(relocate)}).with_base_folder(folder)
+        shape, named = self.shape, {name: as_named_shape(entry) or entry for name, entry in self.surfaces.items()}
+        shake = self.container.motion
+        changes: dict[str, object] = {
+            "surface": shape.map_files(relocate) if isinstance(shape, Shape) else shape,
+            "surfaces": {
+                name: entry.map_files(relocate) if isinstance(entry, Shape) else entry for name, entry in named.items()
+            },
+        }
+        if shake is not None:
+            changes["container"] = self.container.model_copy(update={"motion": shake.map_files(relocate)})
+        return self.model_copy(update=changes).with_base_folder(folder)
+
+    @property
+    def folder(self) -> Path:
+        """Base of the relative paths in the scene."""
+        return self._folder
+
+    @property
+    def moves(self) -> bool:
+        """Whether a surface or the container has a motion."""
+        entries = [self.container, *self.surfaces.values()]
+        return any(getattr(entry, "motion", None) is not None for entry in entries)
 
     def with_base_folder(self, folder: Path) -> Scene:
         """A copy whose relative paths start at ``folder``."""
@@ -202,18 +292,22 @@ class Scene(StrictModel):
         return self.model_copy(update={"frames": frames})
 
     def build_surface(self) -> Surface | None:
-        """The signed distance function of the solid; None for an empty container.
+        """The signed distance function of all that stands still; None without any.
 
         Raises:
             InputError: a file of the surface is missing or unusable.
         """
+        return build_solids(self).still if self.surfaces else self.build_single_surface()
+
+    def build_single_surface(self) -> Surface | None:
+        """The signed distance function of ``surface``."""
         return self.surface.surface(self._folder) if isinstance(self.surface, Shape) else self.surface
 
     def initial_particles(self, surface: Surface | None) -> InitialParticles:
         """Fill the blocks with particles, except where they overlap the solid or an earlier block.
 
         Args:
-            surface: the surface of :meth:`build_surface`.
+            surface: the solid at the start; that of :meth:`build_surface` if nothing moves.
 
         Raises:
             InputError: a block reaches out of the container, or no particle remains.

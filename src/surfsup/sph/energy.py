@@ -35,7 +35,12 @@ def energy_gain(state: ParticleState, positions: Tensor, velocities: Tensor, gra
 
 
 def limit_energy_gain(
-    state: ParticleState, positions: Tensor, velocities: Tensor, gravity: Tensor
+    state: ParticleState,
+    positions: Tensor,
+    velocities: Tensor,
+    gravity: Tensor,
+    supplied: float = 0.0,
+    ballistic: tuple[Tensor, Tensor] | None = None,
 ) -> tuple[Tensor, Tensor]:
     """A step from ``state`` with its deviations from free fall cut until it gains no energy.
 
@@ -47,15 +52,17 @@ def limit_energy_gain(
         positions: after it, meters.
         velocities: after it, m/s.
         gravity: (3,), m/s².
+        supplied: energy from outside, mean J/kg: the work of moving solids.
+        ballistic: positions and velocities (N, 3) by gravity alone; those of a whole frame by default.
     """
-    if not energy_gain(state, positions, velocities, gravity) > MAX_ENERGY_GAIN:
+    if not energy_gain(state, positions, velocities, gravity) > MAX_ENERGY_GAIN + supplied:
         return positions, velocities
-    predicted, falling = state.ballistic(gravity)
+    predicted, falling = state.ballistic(gravity) if ballistic is None else ballistic
     delta_velocity, delta_position = velocities - falling, positions - predicted
     for halving in range(1, HALVINGS + 1):
         fraction = kept_fraction(delta_velocity, MAX_DELTA_VELOCITY / 2**halving)
         positions, velocities = predicted + fraction * delta_position, falling + fraction * delta_velocity
-        if energy_gain(state, positions, velocities, gravity) <= MAX_ENERGY_GAIN:
+        if energy_gain(state, positions, velocities, gravity) <= MAX_ENERGY_GAIN + supplied:
             return positions, velocities
     return predicted, falling
 

@@ -9,12 +9,13 @@ from typing import TYPE_CHECKING, ClassVar
 import torch
 from torch import Tensor
 
-from surfsup.native.dispatch import can_run_native, is_built
+from surfsup.native.dispatch import is_built
 from surfsup.sph.collision import LastQuery, resolve_collisions
 from surfsup.sph.dfsph import Substep
 from surfsup.sph.energy import limit_energy_gain
 from surfsup.sph.environment import Environment
-from surfsup.sph.native_solver import NativeSolver
+from surfsup.sph.moving_step import step_among_moving
+from surfsup.sph.native_solver import NativeSolver, can_step_native
 from surfsup.sph.simulator import Simulator
 from surfsup.sph.state import ParticleState
 
@@ -53,6 +54,7 @@ class DfsphSolver(Simulator[ParticleState]):
     Both agree to rounding.
     """
 
+    knows_moving_solids: ClassVar[bool] = True
     history_length: ClassVar[int] = 0  # positions and end-of-frame velocities are the whole state
 
     def __init__(self) -> None:
@@ -81,6 +83,8 @@ class DfsphSolver(Simulator[ParticleState]):
         Raises:
             SimulationError: a position is not finite, or the particles have collapsed into a clump.
         """
+        if environment.moving is not None:
+            return step_among_moving(self.native, state, environment, handle_collisions)
         if self.native is not None and can_step_native(state, environment):
             frame = self.native.step(state, environment, handle_collisions)
             if frame.finished:
@@ -112,12 +116,6 @@ class DfsphSolver(Simulator[ParticleState]):
         last_query = LastQuery(predicted, distance)
         delta_position, delta_velocity = positions - predicted, velocities - falling
         return Observation(state, positions, velocities, delta_position, delta_velocity, last_query, substep)
-
-
-def can_step_native(state: ParticleState, environment: Environment) -> bool:
-    """Whether the solver in C++ may take a step."""
-    tensors = (state.positions, state.velocities, environment.gravity, environment.lower, environment.upper)
-    return can_run_native(*tensors, module=environment.surface)
 
 
 def finish_step(

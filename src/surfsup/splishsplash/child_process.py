@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import os
 import sys
+from types import ModuleType
 
 import numpy as np
 
@@ -43,9 +44,14 @@ def run(scene_file: str, frames: int, steps_per_frame: int, output: int) -> None
             values = np.array(fluid.getFieldBuffer(field), copy=False)[:count]
             write_all(output, values[order].astype(np.float32, copy=False).tobytes())
 
+    motion_file = os.path.join(os.path.dirname(scene_file), "motions.npy")
+    motions = np.load(motion_file, allow_pickle=False) if os.path.exists(motion_file) else []
+
     def after_step() -> None:
         nonlocal step
         step += 1
+        for table in motions:
+            place_solid(solver, int(table[0, 13]), table[step])
         if step % steps_per_frame == 0:
             send_frame()
         if step == (frames - 1) * steps_per_frame:
@@ -56,6 +62,16 @@ def run(scene_file: str, frames: int, steps_per_frame: int, output: int) -> None
         base.setTimeStepCB(after_step)
         base.runSimulation()
     base.cleanup()
+
+
+def place_solid(solver: ModuleType, boundary: int, row: np.ndarray) -> None:
+    """Give the solid of a boundary the pose and velocity of ``row``, see :mod:`surfsup.splishsplash.solid_motion`."""
+    solid = solver.Simulation.getCurrent().getBoundaryModel(boundary).getRigidBodyObject()
+    place, rotation, velocity, spin = np.split(row[:13].astype(np.float32), [3, 7, 10])
+    solid.setPosition(place)
+    solid.setRotation(rotation)
+    solid.setVelocity(velocity)
+    solid.setAngularVelocity(spin)
 
 
 def write_all(descriptor: int, data: bytes) -> None:

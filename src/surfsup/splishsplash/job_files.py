@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import struct
+from collections.abc import Sequence
+from itertools import zip_longest
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +15,7 @@ from surfsup.sph.boundary.volume_map import VolumeMap
 from surfsup.sph.dfsph import VISCOSITY
 from surfsup.sph.state import SUBSTEP_TIME
 from surfsup.splishsplash.map_file import write_map
+from surfsup.splishsplash.solid_motion import MOTION_FILE, SolidMotion, write_motions
 
 BODY_FILE = "body.obj"  # the solver requires triangles for each body, but does not use them if there is a volume map
 
@@ -27,6 +30,7 @@ def solver_scene(
     fluid_files: list[str],
     velocities: list[tuple[float, float, float]],
     map_files: list[str],
+    motions: Sequence[SolidMotion | None] = (),
 ) -> dict[str, object]:
     """The scene file of SPlisHSPlasH: DFSPH, water, a fixed time step, boundary volume maps.
 
@@ -35,10 +39,18 @@ def solver_scene(
         fluid_files: particle files beside the scene file, one for each block of fluid.
         velocities: initial velocity of each block in m/s.
         map_files: volume maps beside the scene file, one for each boundary.
+        motions: of each boundary, None for one that stands still.
     """
     bodies = [
-        {"geometryFile": BODY_FILE, "isDynamic": False, "isWall": True, "mapInvert": False, "mapFile": file}
-        for file in map_files
+        {
+            "geometryFile": BODY_FILE,
+            "isDynamic": False,
+            "isWall": motion is None,
+            "mapInvert": False,
+            "mapFile": file,
+            **({} if motion is None else motion.start),
+        }
+        for file, motion in zip_longest(map_files, motions)
     ]
     return {
         "Configuration": {
@@ -78,6 +90,7 @@ def write_job(
     blocks: list[np.ndarray],
     velocities: list[tuple[float, float, float]],
     boundaries: list[VolumeMap],
+    motions: Sequence[SolidMotion | None] = (),
 ) -> Path:
     """Write the scene, the particles and the boundaries into ``folder``, which no other job uses.
 
@@ -86,7 +99,8 @@ def write_job(
         gravity: m/s².
         blocks: positions (N, 3) of each block of fluid, meters.
         velocities: of each block, m/s.
-        boundaries: volume maps.
+        boundaries: volume maps, those of solids that move in their own frames.
+        motions: of each boundary, None for one that stands still.
 
     Returns:
         The scene file's path.
@@ -98,8 +112,11 @@ def write_job(
     map_files = [f"boundary-{number}.cdm" for number in range(len(boundaries))]
     for file, boundary in zip(map_files, boundaries, strict=True):
         write_map(folder / file, boundary)
+    moving = {number: motion for number, motion in enumerate(motions) if motion is not None}
+    if moving:
+        write_motions(folder / MOTION_FILE, moving)
     path = folder / "scene.json"
-    path.write_text(json.dumps(solver_scene(gravity, fluid_files, velocities, map_files), indent=1))
+    path.write_text(json.dumps(solver_scene(gravity, fluid_files, velocities, map_files, motions), indent=1))
     return path
 
 
