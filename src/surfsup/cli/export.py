@@ -30,7 +30,9 @@ class ReconstructionOptions:
 def export(
     trajectory: TrajectoryFile,
     reconstruction: ReconstructionOptions,
-    to: Annotated[str, typer.Option("--to", metavar="FORMAT", help="vtk, vtu, ply, bgeo, npz, obj, glb or usd.")],
+    to: Annotated[
+        str, typer.Option("--to", metavar="FORMAT", help="vtk, vtu, ply, bgeo, npz, usd, blender, obj, glb.")
+    ],
     out: Annotated[Path | None, typer.Option("-o", "--out", help="Folder; 'export' beside the trajectory.")] = None,
     fps: Annotated[float, typer.Option(help="Frames per second.")] = 24.0,
     what: Annotated[

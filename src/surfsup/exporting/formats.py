@@ -121,6 +121,7 @@ FORMATS = {
         Format("bgeo", "bgeo", ("particles",), "Houdini, partio, splashsurf", ".bgeo"),
         Format("npz", "npz", ("particles",), "NumPy", ".npz"),
         Format("usd", "usd", BOTH, "usdview, Omniverse, Houdini, Blender, Maya", package="pxr"),
+        Format("blender", "blender", BOTH, "Blender", package="pxr"),
         Format("obj", "obj", ("surface",), "nearly every 3D program", ".obj"),
         Format("glb", "glb", ("surface",), "web pages, Blender", ".glb", up="y", up_is_fixed=True),
     )

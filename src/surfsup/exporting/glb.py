@@ -13,5 +13,5 @@ def mesh(frame: MeshFrame) -> bytes:
     if len(frame.triangles):
         water = trimesh.Trimesh(frame.vertices, frame.triangles, vertex_normals=frame.normals, process=False)
         water.vertex_attributes["_VELOCITY"] = frame.velocities
-        scene.add_geometry(water, "water")
+        scene.add_geometry(water, node_name="water", geom_name="water")
     return bytes(trimesh.exchange.gltf.export_glb(scene, include_normals=True))
