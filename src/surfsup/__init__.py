@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from surfsup import datasets, design
     from surfsup.errors import InputError, SimulationError
     from surfsup.evaluation.pair import evaluate_pair as evaluate
+    from surfsup.exporting.export import export
     from surfsup.io.trajectory import Trajectory
     from surfsup.scene import Block, Container, Scene, load_mesh
     from surfsup.sdf import (
@@ -43,6 +44,7 @@ _MODULES = {
     "InputError": "errors",
     "SimulationError": "errors",
     "Trajectory": "io.trajectory",
+    "export": "exporting.export",
     **dict.fromkeys(("Block", "Container", "Scene", "load_mesh"), "scene"),
     **dict.fromkeys(("Bowl", "Box", "CappedCone", "Cylinder", "Difference", "Funnel", "Heightfield"), "sdf"),
     **dict.fromkeys(("Intersection", "Sphere", "Surface", "Torus", "Transformed", "Union"), "sdf"),
@@ -76,6 +78,7 @@ __all__ = [
     "datasets",
     "design",
     "evaluate",
+    "export",
     "load_mesh",
 ]
 

@@ -275,9 +275,11 @@ class Simulation:
         return as_frame(target * FRAME_TIME, positions, velocities, poses)
 
 
-def hermite(old: FluidState, new: FluidState, part: float) -> tuple[torch.Tensor, torch.Tensor]:
+def hermite(
+    old: FluidState, new: FluidState, part: float, frame_time: float = FRAME_TIME
+) -> tuple[torch.Tensor, torch.Tensor]:
     """Positions and velocities (N, 3) at a ``part`` of the way between two frames, on cubic Hermite splines."""
-    s, h = part, FRAME_TIME
+    s, h = part, frame_time
     positions = (
         (1 + 2 * s) * (1 - s) ** 2 * old.positions
         + s * (1 - s) ** 2 * h * old.velocities

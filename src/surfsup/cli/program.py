@@ -16,6 +16,7 @@ from surfsup.cli.compare import compare
 from surfsup.cli.design import design
 from surfsup.cli.doctor import doctor
 from surfsup.cli.evaluate import evaluate
+from surfsup.cli.export import export
 from surfsup.cli.fit import fit
 from surfsup.cli.generate import floor, generate
 from surfsup.cli.option_groups import expand_option_groups
@@ -36,7 +37,7 @@ app = typer.Typer(
     rich_markup_mode=None,
 )
 
-for verb in (simulate, reference, generate, floor, train, evaluate, compare, design, view, render, doctor):
+for verb in (simulate, reference, generate, floor, train, evaluate, compare, design, view, render, export, doctor):
     app.command()(expand_option_groups(verb))
 app.add_typer(fit, name="fit")
 

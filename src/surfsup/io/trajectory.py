@@ -71,7 +71,7 @@ class TrajectoryFrames:
         if not path.is_file():
             raise InputError(f"{path}: there is no such trajectory file")
         try:
-            self._file = h5py.File(path, "r")
+            self._file = self._open(path)
         except OSError as error:
             raise InputError(not_a_trajectory(path, error)) from None
         try:
@@ -81,6 +81,9 @@ class TrajectoryFrames:
             if isinstance(error, OSError | KeyError | TypeError | ValueError) and not isinstance(error, InputError):
                 raise InputError(not_a_trajectory(path, error)) from None
             raise
+
+    def _open(self, path: Path) -> h5py.File:
+        return h5py.File(path, "r")
 
     def _read(self, path: Path) -> None:
         self.positions, self.velocities = (self._frames_of(name) for name in ("position", "velocity"))
