@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "learned/convolution_data.hpp"
+#include "learned/message_passing_data.hpp"
 #include "sdf/csg_tree.hpp"
 #include "sdf/neural_field.hpp"
 #include "sph/frame.hpp"
@@ -39,6 +40,11 @@ struct Isa {
                                      float* values_gradient, int32_t begin, int32_t end, float* scratch);
     void (*convolve_weights_gradient)(const NeighborGraph&, int width, const float* values, const float* gradient,
                                       float* weights_gradient, int32_t begin, int32_t end, float* scratch);
+
+    // Perceptrons of a message-passing network, see learned/message_passing_data.hpp. Those of bfloat16 are empty where the
+    // instruction set has no dot product of such numbers; `has_bfloat16` says whether this processor has it.
+    MessagePassingKernels float32, bfloat16;
+    bool (*has_bfloat16)();
 
     // Signed distance of points begin to end and, unless null, their unit normal.
     void (*evaluate_tree)(const CsgTree&, const float* points, int32_t begin, int32_t end, float* distance, float* normal);
