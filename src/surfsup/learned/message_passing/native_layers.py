@@ -1,11 +1,12 @@
 """The perceptrons of the network in C++, on the rows of a matrix and on the edges of a graph, with their gradients.
 
-A tile of 48 rows goes through all layers of a perceptron while it stays in the processor's cache. Only what the backward
-pass needs is written to memory. In bfloat16, weights and sums remain in single precision; each product rounds its inputs.
+A tile of 48 rows goes through all layers of a perceptron while it stays in the processor's cache. Only what the
+backward pass needs is written to memory. With bfloat16, sums are in single precision and products round their inputs.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -38,13 +39,17 @@ class Weights(NamedTuple):
         """The parameters as the C++ code takes them."""
         return tuple(None if value is None else as_array(value) for value in self)
 
+    def tensors(self) -> list[Tensor]:
+        """The parameters that exist."""
+        return [value for value in self if value is not None]
+
     def like(self) -> Weights:
         """Uninitialized tensors of the same shapes."""
-        return Weights(*(None if value is None else torch.empty_like(value) for value in self))
+        return Weights._make(None if value is None else torch.empty_like(value) for value in self)
 
 
 def native_precision(features: Tensor, width: int, precision: torch.dtype) -> torch.dtype | None:
-    """The precision of the C++ code for a network asked to compute in ``precision``; None if torch must compute.
+    """The precision of the C++ code that stands for ``precision``; None if torch must compute.
 
     A processor without a dot product of bfloat16 computes in single precision, which is as fast there.
     """
@@ -66,7 +71,7 @@ def apply_to_rows(
         precision: precision of the other layers.
         out: float32 or ``precision``.
     """
-    if needs_gradient(rows, *(value for value in weights if value is not None)):
+    if needs_gradient(rows, *weights.tensors()):
         return RowPerceptron.apply(rows, epsilon, first, precision, out, *weights)
     return rows_forward(rows, weights, epsilon, first, precision, out, None)
 
@@ -87,7 +92,7 @@ def apply_to_edges(
     Returns:
         The sums (N, C) float32 and the new edges (E, C), or None.
     """
-    if needs_gradient(endpoints, edges, *(value for value in weights if value is not None)):
+    if needs_gradient(endpoints, edges, *weights.tensors()):
         return EdgePerceptron.apply(endpoints, edges, epsilon, graph, update_edges, *weights)
     return edges_forward(endpoints, edges, weights, epsilon, graph, update_edges, None)
 
@@ -107,7 +112,7 @@ def rows_forward(
         as_array(rows),
         weights.arrays(),
         epsilon,
-        kept and tuple(as_array(value) for value in kept),
+        None if kept is None else as_arrays(kept),
         as_array(result),
         first == torch.bfloat16,
         precision == torch.bfloat16,
@@ -136,7 +141,7 @@ def edges_forward(
         as_array(edges),
         weights.arrays(),
         epsilon,
-        kept and tuple(as_array(value) for value in kept),
+        None if kept is None else as_arrays(kept),
         as_array(received),
         None if new_edges is None else as_array(new_edges),
         fastest_isa(),
@@ -159,7 +164,7 @@ class RowPerceptron(torch.autograd.Function):
         *parameters: Tensor | None,
     ) -> Tensor:
         """Rows (M, k) float32 -> (M, width)."""
-        weights = Weights(*parameters)
+        weights = Weights._make(parameters)
         kept = activations(len(rows), len(weights.scale), precision)
         result = rows_forward(rows, weights, epsilon, first, precision, out, kept)
         ctx.save_for_backward(rows, *kept, *parameters)
@@ -171,14 +176,14 @@ class RowPerceptron(torch.autograd.Function):
     def backward(ctx: Any, gradient: Tensor) -> tuple[Tensor | None, ...]:
         """Gradients of the rows and of all parameters."""
         rows, *kept = ctx.saved_tensors[:5]
-        weights = Weights(*ctx.saved_tensors[5:])
+        weights = Weights._make(ctx.saved_tensors[5:])
         to_rows = torch.empty_like(rows, memory_format=torch.contiguous_format) if ctx.needs_input_grad[0] else None
         to_weights = weights.like()
         native.rows_backward(
             as_array(rows),
             weights.arrays(),
             ctx.epsilon,
-            tuple(as_array(value) for value in kept),
+            as_arrays(kept),
             as_array(gradient),
             None if to_rows is None else as_array(to_rows),
             to_weights.arrays(),
@@ -204,7 +209,7 @@ class EdgePerceptron(torch.autograd.Function):
     ) -> tuple[Tensor, Tensor | None]:
         """Endpoints (N, 2C) and edges (E, C) -> sums (N, C) float32 and new edges (E, C)."""
         ctx.set_materialize_grads(False)
-        weights = Weights(*parameters)
+        weights = Weights._make(parameters)
         kept = activations(len(edges), len(weights.scale), edges.dtype)
         received, new_edges = edges_forward(endpoints, edges, weights, epsilon, graph, update_edges, kept)
         ctx.save_for_backward(endpoints, edges, *kept, *parameters)
@@ -216,7 +221,7 @@ class EdgePerceptron(torch.autograd.Function):
     def backward(ctx: Any, received: Tensor | None, new_edges: Tensor | None) -> tuple[Tensor | None, ...]:
         """Gradients of endpoints, edges and all parameters, from those of the sums and of the new edges."""
         endpoints, edges, *kept = ctx.saved_tensors[:6]
-        weights = Weights(*ctx.saved_tensors[6:])
+        weights = Weights._make(ctx.saved_tensors[6:])
         if received is None:
             received = torch.zeros(len(endpoints), edges.shape[1])
         to_endpoints, to_edges, to_first = (
@@ -229,7 +234,7 @@ class EdgePerceptron(torch.autograd.Function):
             as_array(edges),
             weights.arrays(),
             ctx.epsilon,
-            tuple(as_array(value) for value in kept),
+            as_arrays(kept),
             as_array(received),
             None if new_edges is None else as_array(new_edges),
             as_array(to_edges),
@@ -246,6 +251,11 @@ def activations(rows: int, width: int, precision: torch.dtype) -> tuple[Tensor, 
     """Room for what a backward pass needs: both hidden layers, the normalized output, and its inverse deviation."""
     hidden_1, hidden_2, normalized = (torch.empty(rows, width, dtype=precision) for _ in range(3))
     return hidden_1, hidden_2, normalized, torch.empty(rows)
+
+
+def as_arrays(tensors: Sequence[Tensor]) -> tuple[np.ndarray, ...]:
+    """The tensors as the C++ code takes them."""
+    return tuple(as_array(values) for values in tensors)
 
 
 def as_array(values: Tensor) -> np.ndarray:

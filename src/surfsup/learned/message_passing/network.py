@@ -9,6 +9,8 @@ As in the code of GNS (Sanchez-Gonzalez et al. 2020), nodes sum the messages m_i
 
 from __future__ import annotations
 
+from typing import cast
+
 import torch
 from torch import Tensor, nn
 
@@ -28,8 +30,8 @@ class MessagePassingStep(nn.Module):
 
     def forward(self, nodes: Tensor, edges: Tensor, graph: EdgeGraph, update_edges: bool) -> tuple[Tensor, Tensor]:
         """Nodes (N, width) and edges (E, width) -> updated nodes and, if ``update_edges``, updated edges."""
-        hidden = FirstEdgeLayer.apply(*self.first_edge_layer(nodes, edges), graph)
-        messages = self.edge_mlp.from_first_hidden(hidden)
+        endpoints, edge_weight = self.first_edge_layer(nodes, edges.dtype)
+        messages = self.edge_mlp.from_first_hidden(FirstEdgeLayer.apply(endpoints, edges, edge_weight, graph))
         received = SumMessages.apply(messages, graph)
         update = self.node_mlp(torch.cat([nodes.to(received.dtype), received], dim=-1))
         return nodes + update.to(nodes.dtype), edges + messages if update_edges else edges
@@ -38,22 +40,25 @@ class MessagePassingStep(nn.Module):
         self, nodes: Tensor, edges: Tensor, graph: EdgeGraph, update_edges: bool
     ) -> tuple[Tensor, Tensor]:
         """:meth:`forward` in C++, in the precision of the edges."""
-        endpoints, _, edge_weight = self.first_edge_layer(nodes, edges)
+        endpoints, edge_weight = self.first_edge_layer(nodes, edges.dtype)
         weights, epsilon = self.edge_mlp.native_weights(edge_weight.float(), None), self.edge_mlp.norm.eps
         received, new_edges = apply_to_edges(endpoints, edges, weights, epsilon, graph, update_edges)
         update = self.node_mlp.forward_native(torch.cat([nodes, received], dim=-1), edges.dtype, edges.dtype)
         return nodes + update, edges if new_edges is None else new_edges
 
-    def first_edge_layer(self, nodes: Tensor, edges: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-        """What the nodes add to the first layer of an edge as sender and as receiver (N, 2 width), the edges, their weight."""
-        precision, width = edges.dtype, edges.shape[1]
+    def first_edge_layer(self, nodes: Tensor, precision: torch.dtype) -> tuple[Tensor, Tensor]:
+        """The first layer on edge, sender and receiver, in ``precision``.
+
+        Returns:
+            What the nodes add as sender and as receiver (N, 2 width), and the weight (width, width) for the edges.
+        """
         layer = self.edge_mlp.hidden_1
         weight, bias = layer.weight.to(precision), layer.bias.to(precision)
-        edge_weight, sender_weight, receiver_weight = weight.split(width, dim=1)
+        edge_weight, sender_weight, receiver_weight = weight.split(nodes.shape[1], dim=1)
         # Each edge has one sender, so the sender's part carries the bias.
         biases = torch.cat([bias, torch.zeros_like(bias)])
         endpoints = Linear.apply(nodes.to(precision), torch.cat([sender_weight, receiver_weight]), biases)
-        return endpoints, edges, edge_weight
+        return endpoints, edge_weight
 
 
 class MessagePassingNetwork(nn.Module):
@@ -73,6 +78,10 @@ class MessagePassingNetwork(nn.Module):
             nn.Linear(width, width), nn.ReLU(), nn.Linear(width, width), nn.ReLU(), nn.Linear(width, outputs)
         )
 
+    def steps(self) -> list[MessagePassingStep]:
+        """The steps of the processor."""
+        return cast(list[MessagePassingStep], list(self.processor))
+
     def forward(self, node_features: Tensor, graph: EdgeGraph) -> Tensor:
         """Node features (N, inputs) and the graph with its edge features -> (N, outputs)."""
         device, precision = node_features.device.type, node_features.dtype
@@ -86,7 +95,7 @@ class MessagePassingNetwork(nn.Module):
             else:
                 nodes = self.node_encoder.forward_native(node_features, torch.float32, torch.float32)
                 edges = self.edge_encoder.forward_native(graph.edge_features, torch.float32, kernels, kernels)
-            for number, step in enumerate(self.processor, start=1):
+            for number, step in enumerate(self.steps(), start=1):
                 run = step.forward if kernels is None else step.forward_native
                 nodes, edges = run(nodes, edges, graph, number < len(self.processor))
             return self.decoder(nodes)

@@ -28,7 +28,8 @@ void expect_matrix(const Any& array, size_t rows, size_t columns, Precision prec
         throw std::invalid_argument(std::string(name) + " has another shape or precision than it must have");
 }
 
-template <typename One, typename Two, typename Three, typename Four, typename Five, typename Six, typename Seven, typename Eight>
+template <typename One, typename Two, typename Three, typename Four, typename Five, typename Six, typename Seven,
+          typename Eight>
 void expect_shapes(const std::tuple<One, Two, Three, Four, Five, Six, Seven, Eight>& weights, size_t width, size_t depth) {
     const auto& [first, first_bias, hidden, hidden_bias, output, output_bias, scale, shift] = weights;
     const bool fits = first.shape(0) == width && first.shape(1) == depth && (!first_bias || first_bias->shape(0) == width) &&
@@ -44,9 +45,17 @@ surfsup::PerceptronWeights weights_of(const Weights& weights, double epsilon) {
     if (width == 0 || width % surfsup::WIDTH_UNIT || depth == 0 || width > 4096 || depth > 16384)
         throw std::invalid_argument("the width of a native perceptron must be a multiple of 16");
     expect_shapes(weights, width, depth);
-    return {static_cast<int>(depth), static_cast<int>(width), first.data(),  first_bias ? first_bias->data() : nullptr,
-            hidden.data(),           hidden_bias.data(),      output.data(), output_bias.data(),
-            scale.data(),            shift.data(),            static_cast<float>(epsilon)};
+    return {static_cast<int>(depth),
+            static_cast<int>(width),
+            first.data(),
+            first_bias ? first_bias->data() : nullptr,
+            hidden.data(),
+            hidden_bias.data(),
+            output.data(),
+            output_bias.data(),
+            scale.data(),
+            shift.data(),
+            static_cast<float>(epsilon)};
 }
 
 surfsup::PerceptronWeightsGradient gradient_of(const NewWeights& gradient, const surfsup::PerceptronWeights& weights) {
@@ -72,7 +81,6 @@ int32_t count_of(size_t rows) {
         throw std::invalid_argument("more rows than fit 32 bits");
     return static_cast<int32_t>(rows);
 }
-
 
 // The arrays that both passes on rows have; `out` may be its gradient.
 surfsup::RowPass row_pass(const Weight& rows, const Any& out, const surfsup::PerceptronWeights& weights, Precision precision) {

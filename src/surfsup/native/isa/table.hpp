@@ -1,4 +1,5 @@
-// The table of this translation unit's instruction set. NAME and `supported` are defined by the file that includes it.
+// The table of this translation unit's instruction set. NAME, BFLOAT16 and `supported` are defined by the file that includes
+// it.
 #include "learned/convolution_isa.hpp"
 #include "learned/message_passing_isa.hpp"
 #include "sdf/csg_tree_isa.hpp"
@@ -19,8 +20,7 @@ const Isa NAME = {ISA_NAME,
                   ISA::convolve_values_gradient,
                   ISA::convolve_weights_gradient,
                   ISA::message_passing_kernels<ISA::Float32>(),
-                  ISA::bfloat16_kernels,
-                  ISA::has_bfloat16,
+                  BFLOAT16,
                   ISA::evaluate_tree,
                   ISA::sample_field,
                   ISA::field_scratch_size};

@@ -11,13 +11,18 @@ namespace surfsup {
 namespace {
 
 constexpr int32_t PORTION = 4 * ROW_TILE;  // rows or receivers
-constexpr int SLICES = 16;             // of the rows; their gradients are added in this order, whatever the number of threads
+constexpr int SLICES = 16;  // of the rows; their gradients are added in this order, whatever the number of threads
 
 const MessagePassingKernels& kernels_of(const Isa& isa, Precision precision) {
     if (precision == Precision::FLOAT32) return isa.float32;
-    if (!has_bfloat16(isa))
-        throw std::invalid_argument(std::string("the instruction set '") + isa.name + "' of this processor has no bfloat16");
-    return isa.bfloat16;
+    const MessagePassingKernels* kernels = isa.bfloat16();
+    if (!kernels) throw std::invalid_argument(std::string("there is no bfloat16 with the instruction set '") + isa.name + "'");
+    return *kernels;
+}
+
+void require_first(Precision first, Precision precision) {
+    if (first != precision && first != Precision::FLOAT32)
+        throw std::invalid_argument("the first layer must have the precision of the others, or float32");
 }
 
 uint16_t to_bfloat16(float value) {
@@ -27,8 +32,8 @@ uint16_t to_bfloat16(float value) {
     return static_cast<uint16_t>((bits + 0x7FFF + ((bits >> 16) & 1)) >> 16);
 }
 
-// A packed matrix, see Perceptron. Weight (input, output) is at input * input_step + output * output_step; the columns are padded,
-// too.
+// A packed matrix, see Perceptron. Weight (input, output) is at input * input_step + output * output_step; the columns are
+// padded, too.
 class Packed {
 public:
     Packed(Precision precision, const float* weight, int64_t input_step, int64_t output_step, int inputs, int outputs)
@@ -108,7 +113,8 @@ public:
         gradient.first = at, at += padded(depth_, DEPTH_UNIT) * width_;
         gradient.hidden = at, at += square;
         gradient.output = at, at += square;
-        for (float** vector : {&gradient.first_bias, &gradient.hidden_bias, &gradient.output_bias, &gradient.scale, &gradient.shift})
+        for (float** vector :
+             {&gradient.first_bias, &gradient.hidden_bias, &gradient.output_bias, &gradient.scale, &gradient.shift})
             *vector = at, at += width_;
         return gradient;
     }
@@ -162,7 +168,7 @@ std::vector<int32_t> order_by_sender(const int64_t* starts, const int64_t* sende
 
 }  // namespace
 
-bool has_bfloat16(const Isa& isa) { return isa.has_bfloat16(); }
+bool has_bfloat16(const Isa& isa) { return isa.bfloat16() != nullptr; }
 
 void rows_forward(const Isa& isa, Precision first, Precision precision, RowPass pass, const PerceptronWeights& weights,
                   int32_t count, int threads) {
@@ -170,6 +176,7 @@ void rows_forward(const Isa& isa, Precision first, Precision precision, RowPass 
     const PackedPerceptron packed(weights, first, precision, false);
     pass.perceptron = packed.view();
     auto scratch = scratch_of(threads, weights);
+    require_first(first, precision);
     const auto run = first == precision ? kernels.rows_forward : kernels.features_forward;
     in_parallel(threads, count, PORTION, [&](int thread, int32_t begin, int32_t end) {
         run(pass, begin, end, scratch[static_cast<size_t>(thread)].data());
@@ -183,10 +190,10 @@ void rows_backward(const Isa& isa, Precision first, Precision precision, RowPass
     pass.perceptron = packed.view();
     auto scratch = scratch_of(threads, weights);
     GradientSlices slices(weights);
+    require_first(first, precision);
     const auto run = first == precision ? kernels.rows_backward : kernels.features_backward;
-    in_slices(threads, count, scratch, [&](int slice, int32_t begin, int32_t end, float* room) {
-        run(pass, slices.slice(slice), begin, end, room);
-    });
+    in_slices(threads, count, scratch,
+              [&](int slice, int32_t begin, int32_t end, float* room) { run(pass, slices.slice(slice), begin, end, room); });
     slices.write(gradient);
 }
 
@@ -213,7 +220,8 @@ void edges_backward(const Isa& isa, Precision precision, EdgePass pass, const Pe
     });
     const std::vector<int32_t> by_sender = order_by_sender(pass.starts, pass.senders, count);
     pass.by_sender = by_sender.data();
-    in_parallel(threads, count, PORTION, [&](int, int32_t begin, int32_t end) { kernels.endpoints_backward(pass, begin, end); });
+    in_parallel(threads, count, PORTION,
+                [&](int, int32_t begin, int32_t end) { kernels.endpoints_backward(pass, begin, end); });
     slices.write(gradient);
 }
 

@@ -25,8 +25,8 @@ struct PerceptronWeightsGradient {
 // Whether this processor multiplies matrices of bfloat16 with these instructions.
 bool has_bfloat16(const Isa& isa);
 
-// The arrays are those of RowPass and EdgePass; their perceptrons are made from the weights. Results do not depend on the number
-// of threads. Throw std::invalid_argument where the instruction set lacks bfloat16.
+// The arrays are those of RowPass and EdgePass; their perceptrons are made from the weights. Results do not depend on the
+// number of threads. Throw std::invalid_argument where the instruction set lacks bfloat16.
 void rows_forward(const Isa& isa, Precision first, Precision precision, RowPass pass, const PerceptronWeights& weights,
                   int32_t count, int threads);
 void rows_backward(const Isa& isa, Precision first, Precision precision, RowPass pass, const PerceptronWeights& weights,

@@ -5,7 +5,7 @@
 
 namespace surfsup {
 
-constexpr int ROW_TILE = 48;        // rows that go through a perceptron together: they stay in the first cache
+constexpr int ROW_TILE = 48;    // rows that go through a perceptron together: they stay in the first cache
 constexpr int DEPTH_UNIT = 8;   // the depth of an input is padded to a multiple of it
 constexpr int WIDTH_UNIT = 16;  // widths are multiples of it
 
@@ -14,11 +14,11 @@ constexpr int padded(int value, int unit) { return (value + unit - 1) / unit * u
 // Linear, ReLU, linear, ReLU, linear, LayerNorm. A packed matrix of `columns` outputs has its inputs in groups of as many as a
 // product takes at once, one in float32 and two in bfloat16: [input / group][output][input % group]. The inputs are padded.
 struct Perceptron {
-    int depth, width;                                                 // of the input; of all layers
-    const void *first, *hidden, *output;                              // packed
+    int depth, width;                                                      // of the input; of all layers
+    const void *first, *hidden, *output;                                   // packed
     const void *first_transposed, *hidden_transposed, *output_transposed;  // packed, for gradients
     const float *first_bias, *hidden_bias, *output_bias, *scale, *shift;   // (width); an edge's first layer has no bias
-    const float* no_bias;  // zeros, as many as the widest matrix has columns
+    const float* no_bias;                                                  // zeros, as many as the widest matrix has columns
     float epsilon;
 };
 
@@ -51,10 +51,10 @@ struct EdgePass {
     Perceptron perceptron;
     Activations kept;
     const int64_t *starts, *senders;
-    const void* endpoints;  // (count, 2, width), what a node adds to the first layer as sender and as receiver
-    const void* edges;      // (edges, width)
-    float* received;        // (count, width), forward
-    void* new_edges;        // (edges, width) or null, forward
+    const void* endpoints;           // (count, 2, width), what a node adds to the first layer as sender and as receiver
+    const void* edges;               // (edges, width)
+    float* received;                 // (count, width), forward
+    void* new_edges;                 // (edges, width) or null, forward
     const float* received_gradient;  // (count, width), backward
     const void* new_edges_gradient;  // (edges, width) or null
     void* edges_gradient;            // (edges, width)

@@ -20,11 +20,36 @@ inline auto* as(Pointer* pointer) {
     return static_cast<Target*>(pointer);
 }
 
-inline int rows_of_tile(int64_t first, int64_t end) { return static_cast<int>(end - first < ROW_TILE ? end - first : ROW_TILE); }
+inline int rows_of_tile(int64_t first, int64_t end) {
+    return static_cast<int>(end - first < ROW_TILE ? end - first : ROW_TILE);
+}
 
 template <typename Value>
 inline void copy(const Value* from, int64_t count, Value* to) {
     std::memcpy(to, from, static_cast<size_t>(count) * sizeof(Value));
+}
+
+// Requests the memory of the next tile while this one is computed.
+template <typename Value>
+inline void prefetch(const Value* matrix, int64_t first_row, int width) {
+    if (!matrix) return;
+    const Value* from = matrix + first_row * width;
+    for (int k = 0; k < ROW_TILE * width; k += static_cast<int>(64 / sizeof(Value))) __builtin_prefetch(from + k, 0, 2);
+}
+
+// Copies what only the backward pass will read.
+template <typename Value>
+inline void put_away(const Value* from, int64_t count, Value* to) {
+    constexpr int64_t VECTOR = sizeof(Floats) / sizeof(Value);
+    if (reinterpret_cast<uintptr_t>(to) % sizeof(Floats) || count % VECTOR) {
+        copy(from, count, to);
+        return;
+    }
+    for (int64_t k = 0; k < count; k += VECTOR) {
+        Floats bits;
+        std::memcpy(&bits, from + k, sizeof bits);
+        store_past_caches(reinterpret_cast<float*>(to + k), bits);
+    }
 }
 
 template <typename First, typename Number>
@@ -32,21 +57,20 @@ inline void keep(const Activations& kept, const Tile<First, Number>& tile, int64
     if (!kept.hidden_1) return;
     using Value = typename Number::Value;
     const int64_t at = first * width, count = static_cast<int64_t>(rows) * width;
-    copy(tile.hidden_1, count, as<Value>(kept.hidden_1) + at);
-    copy(tile.hidden_2, count, as<Value>(kept.hidden_2) + at);
-    Value* normalized = as<Value>(kept.normalized) + at;
-    for (int64_t k = 0; k < count; k += LANES) Number::store(normalized + k, load(tile.sums + k));
+    for (int64_t k = 0; k < count; k += LANES) Number::store(tile.normalized + k, load(tile.sums + k));
+    put_away(tile.hidden_1, count, as<Value>(kept.hidden_1) + at);
+    put_away(tile.hidden_2, count, as<Value>(kept.hidden_2) + at);
+    put_away(tile.normalized, count, as<Value>(kept.normalized) + at);
     copy(tile.inverse_std, rows, kept.inverse_std + first);
 }
 
 template <typename First, typename Number>
-inline void recall(const Activations& kept, Tile<First, Number>& tile, int64_t first, int rows, int width) {
+inline void recall(const Activations& kept, Tile<First, Number>& tile, int64_t first, int width) {
     using Value = typename Number::Value;
-    const int64_t at = first * width, count = static_cast<int64_t>(rows) * width;
-    copy(as<const Value>(kept.hidden_1) + at, count, tile.hidden_1);
-    copy(as<const Value>(kept.hidden_2) + at, count, tile.hidden_2);
-    copy(as<const Value>(kept.normalized) + at, count, tile.normalized);
-    copy(kept.inverse_std + first, rows, tile.inverse_std);
+    tile.hidden_1 = as<Value>(kept.hidden_1) + first * width;
+    tile.hidden_2 = as<Value>(kept.hidden_2) + first * width;
+    tile.normalized = as<Value>(kept.normalized) + first * width;
+    tile.inverse_std = kept.inverse_std + first;
 }
 
 // Rows of the input in another precision, padded by zeros.
@@ -97,20 +121,20 @@ void rows_backward(const RowPass& pass, const PerceptronGradient& sum_of, int32_
     Tile<First, Number> tile(perceptron, scratch);
     for (int64_t first = begin; first < end; first += ROW_TILE) {
         const int rows = rows_of_tile(first, end);
-        recall(pass.kept, tile, first, rows, width);
+        recall(pass.kept, tile, first, width);
         read_rows(pass.rows + first * depth, rows, depth, tile);
         const int64_t from = first * width;
         for (int64_t k = 0; k < static_cast<int64_t>(rows) * width; k += LANES)
-            store(tile.sums + k, pass.out_float32 ? load(as<const float>(pass.out_gradient) + from + k)
-                                                  : Number::load(as<const typename Number::Value>(pass.out_gradient) + from + k));
+            store(tile.sums + k, pass.out_float32
+                                     ? load(as<const float>(pass.out_gradient) + from + k)
+                                     : Number::load(as<const typename Number::Value>(pass.out_gradient) + from + k));
         finish_backward(perceptron, sum_of, tile, rows);
-        first_layer_backward(perceptron, sum_of, tile, rows);
+        first_layer_backward(perceptron, sum_of, tile, tile.input, rows);
         if (!pass.rows_gradient) continue;
         const int columns = padded(depth, WIDTH_UNIT);
         multiply_tile<First>(tile.first_gradient, rows, width, perceptron.first_transposed, columns, perceptron.no_bias, 0,
                              tile.sums);
-        for (int row = 0; row < rows; ++row)
-            copy(tile.sums + row * columns, depth, pass.rows_gradient + (first + row) * depth);
+        for (int row = 0; row < rows; ++row) copy(tile.sums + row * columns, depth, pass.rows_gradient + (first + row) * depth);
     }
 }
 
@@ -137,6 +161,8 @@ void edges_forward(const EdgePass& pass, int32_t begin, int32_t end, float* scra
     const int64_t last = pass.starts[end];
     for (int64_t first = pass.starts[begin]; first < last; first += ROW_TILE) {
         const int rows = rows_of_tile(first, last);
+        prefetch(edges, first + ROW_TILE, width);
+        prefetch(new_edges, first + ROW_TILE, width);
         for (int row = 0; row < rows; ++row) {
             adding.move_to(first + row);
             const Value* sender = endpoints + 2 * width * pass.senders[first + row];
@@ -166,15 +192,19 @@ void edges_backward(const EdgePass& pass, const PerceptronGradient& sum_of, int3
     using Value = typename Number::Value;
     const Perceptron& perceptron = pass.perceptron;
     const int width = perceptron.width;
-    const auto *edges = as<const Value>(pass.edges), *new_edges_gradient = as<const Value>(pass.new_edges_gradient);
+    const auto* new_edges_gradient = as<const Value>(pass.new_edges_gradient);
     Tile<Number, Number> tile(perceptron, scratch);
     Receiver receiving{pass.starts, begin};
     const int64_t last = pass.starts[end];
     for (int64_t first = pass.starts[begin]; first < last; first += ROW_TILE) {
         const int rows = rows_of_tile(first, last);
         const int64_t origin = first * width, count = static_cast<int64_t>(rows) * width;
-        recall(pass.kept, tile, first, rows, width);
-        copy(edges + origin, count, tile.input);
+        for (const Value* matrix :
+             {as<const Value>(pass.edges), as<const Value>(pass.kept.hidden_1), as<const Value>(pass.kept.hidden_2),
+              as<const Value>(pass.kept.normalized), new_edges_gradient, as<const Value>(pass.edges_gradient),
+              as<const Value>(pass.first_gradient)})
+            prefetch(matrix, first + ROW_TILE, width);
+        recall(pass.kept, tile, first, width);
         for (int row = 0; row < rows; ++row) {
             receiving.move_to(first + row);
             const float* received = pass.received_gradient + static_cast<int64_t>(receiving.node) * width;
@@ -186,7 +216,7 @@ void edges_backward(const EdgePass& pass, const PerceptronGradient& sum_of, int3
             }
         }
         finish_backward(perceptron, sum_of, tile, rows);
-        first_layer_backward(perceptron, sum_of, tile, rows);
+        first_layer_backward(perceptron, sum_of, tile, as<const Value>(pass.edges) + origin, rows);
         copy(tile.first_gradient, count, as<Value>(pass.first_gradient) + origin);
         multiply_tile<Number>(tile.first_gradient, rows, width, perceptron.first_transposed, width, perceptron.no_bias, 0,
                               tile.sums);
@@ -220,18 +250,10 @@ void endpoints_backward(const EdgePass& pass, int32_t begin, int32_t end) {
 
 template <typename Number>
 constexpr MessagePassingKernels message_passing_kernels() {
-    return {rows_forward<Number, Number>,  rows_backward<Number, Number>, rows_forward<Float32, Number>,
+    return {rows_forward<Number, Number>,   rows_backward<Number, Number>, rows_forward<Float32, Number>,
             rows_backward<Float32, Number>, edges_forward<Number>,         edges_backward<Number>,
             endpoints_backward<Number>};
 }
-
-#if defined(HAS_BFLOAT16)
-constexpr MessagePassingKernels bfloat16_kernels = message_passing_kernels<Bfloat16>();
-inline bool has_bfloat16() { return __builtin_cpu_supports("avx512bf16"); }
-#else
-constexpr MessagePassingKernels bfloat16_kernels = {};
-inline bool has_bfloat16() { return false; }
-#endif
 
 }  // namespace
 }  // namespace ISA

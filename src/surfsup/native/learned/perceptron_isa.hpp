@@ -123,7 +123,8 @@ inline void rectify_backward(const float* sums, const typename Output::Value* ou
 // All layers but the first product. Takes the gradient of the perceptron's output from `sums` and leaves that of the first
 // product in `first_gradient`.
 template <typename First, typename Number>
-inline void finish_backward(const Perceptron& perceptron, const PerceptronGradient& sum_of, Tile<First, Number>& tile, int rows) {
+inline void finish_backward(const Perceptron& perceptron, const PerceptronGradient& sum_of, Tile<First, Number>& tile,
+                            int rows) {
     using Value = typename Number::Value;
     const int width = perceptron.width;
     auto *room = reinterpret_cast<Value*>(tile.room), *other = reinterpret_cast<Value*>(tile.other_room);
@@ -136,12 +137,12 @@ inline void finish_backward(const Perceptron& perceptron, const PerceptronGradie
     rectify_backward<First, Number>(tile.sums, tile.hidden_1, rows, width, sum_of.first_bias, tile.first_gradient);
 }
 
-// Adds the gradient of the first layer's weight.
+// Adds the gradient of the first layer's weight, from the input (rows, padded depth).
 template <typename First, typename Number>
 inline void first_layer_backward(const Perceptron& perceptron, const PerceptronGradient& sum_of, Tile<First, Number>& tile,
-                                 int rows) {
+                                 const typename First::Value* input, int rows) {
     using Value = typename First::Value;
-    add_outer_product<First>(tile.input, tile.first_gradient, rows, padded(perceptron.depth, DEPTH_UNIT), perceptron.width,
+    add_outer_product<First>(input, tile.first_gradient, rows, padded(perceptron.depth, DEPTH_UNIT), perceptron.width,
                              sum_of.first, reinterpret_cast<Value*>(tile.room), reinterpret_cast<Value*>(tile.other_room));
 }
 

@@ -18,8 +18,9 @@ struct Float32 {
     // to[row][column] = start[row][column] + sum over g of a[row][g] * b[g][column], with rows of a `row_step` apart and its
     // columns `group_step` apart. Not inlined: within larger functions the sums would spill from the registers.
     template <int HEIGHT, int VECTORS>
-    __attribute__((noinline)) static void block(const float* a, int64_t row_step, int64_t group_step, int groups, const float* b,
-                                                int64_t columns, const float* start, int64_t start_step, float* to) {
+    __attribute__((noinline)) static void block(const float* a, int64_t row_step, int64_t group_step, int groups,
+                                                const float* b, int64_t columns, const float* start, int64_t start_step,
+                                                float* to) {
         Floats sums[HEIGHT][VECTORS];
 #pragma GCC unroll 12
         for (int row = 0; row < HEIGHT; ++row)
@@ -46,33 +47,25 @@ struct Float32 {
     static const float* grouped(const float* values, int, int, float*) { return values; }
 };
 
-#if defined(__AVX512F__) && (defined(__clang__) || __GNUC__ >= 11)
-#define HAS_BFLOAT16 1
-
+#if defined(__AVX512BF16__)
 // Numbers with the eight exponent bits of single precision and eight significant bits. Sums are in single precision.
 struct Bfloat16 {
     using Value = uint16_t;
-    typedef uint16_t Halves __attribute__((vector_size(2 * LANES)));
     static constexpr int GROUP = 2;
 
     static Floats load(const uint16_t* from) {
-        Halves values;
-        std::memcpy(&values, from, sizeof values);
-        return (Floats)(__builtin_convertvector(values, Ints) << 16);
+        __m256i halves;
+        std::memcpy(&halves, from, sizeof halves);
+        return (Floats)_mm512_slli_epi32(_mm512_cvtepu16_epi32(halves), 16);
     }
 
     // Rounds to the nearest, ties to even.
-    static void store(uint16_t* to, Floats values) {
-        const Ints bits = (Ints)values;
-        Ints rounded = (bits + 0x7FFF + ((bits >> 16) & 1)) >> 16;
-        rounded = values == values ? rounded : rounded - rounded + 0x7FC0;  // rounding could carry a NaN into the sign
-        ISA::store(to, _mm512_cvtepi32_epi16((__m512i)rounded));
-    }
+    static void store(uint16_t* to, Floats values) { ISA::store(to, _mm512_cvtneps_pbh((__m512)values)); }
 
     template <int HEIGHT, int VECTORS>
-    __attribute__((noinline, target("avx512bf16"))) static void block(const uint16_t* a, int64_t row_step, int64_t group_step,
-                                                                      int groups, const uint16_t* b, int64_t columns,
-                                                                      const float* start, int64_t start_step, float* to) {
+    __attribute__((noinline)) static void block(const uint16_t* a, int64_t row_step, int64_t group_step, int groups,
+                                                const uint16_t* b, int64_t columns, const float* start, int64_t start_step,
+                                                float* to) {
         __m512 sums[HEIGHT][VECTORS];
 #pragma GCC unroll 12
         for (int row = 0; row < HEIGHT; ++row)
@@ -142,8 +135,8 @@ inline void multiply_tile(const typename Number::Value* a, int rows, int depth, 
 // Adds a's transpose times b to a matrix (depth, columns), for tiles (rows, depth) and (rows, columns). The rooms have the size
 // of the tiles, rounded up to even rows.
 template <typename Number>
-inline void add_outer_product(const typename Number::Value* a, const typename Number::Value* b, int rows, int depth, int columns,
-                              float* to, typename Number::Value* a_room, typename Number::Value* b_room) {
+inline void add_outer_product(const typename Number::Value* a, const typename Number::Value* b, int rows, int depth,
+                              int columns, float* to, typename Number::Value* a_room, typename Number::Value* b_room) {
     constexpr int GROUP = Number::GROUP;
     multiply_blocks<Number, OUTER_ROWS>(Number::grouped(a, rows, depth, a_room), GROUP, GROUP * depth, depth,
                                         (rows + GROUP - 1) / GROUP, Number::grouped(b, rows, columns, b_room), columns, to,
