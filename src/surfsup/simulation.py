@@ -14,13 +14,12 @@ import torch
 from surfsup.errors import InputError
 from surfsup.io.trajectory import Provenance, TrajectoryWriter
 from surfsup.learned.loading import DEFAULT_SIMULATOR, load_simulator
-from surfsup.scene import FRAME_TIME, InitialParticles, Scene
+from surfsup.scene import InitialParticles, Scene
 from surfsup.sph.collision import resolve_collisions
 from surfsup.sph.device import choose_device
 from surfsup.sph.environment import Environment
+from surfsup.sph.interpolation import ROUNDING, hermite
 from surfsup.sph.simulator import FluidState, Simulator
-
-ROUNDING = 1e-6  # of a frame, by which times may differ
 
 
 @dataclass(frozen=True)
@@ -51,7 +50,8 @@ class SimulationState:
 
     Attributes:
         frame: number of steps since the start of the scene.
-        fluid: the simulator's own state, with tensors ``positions`` and ``velocities`` (N, 3).
+        fluid: the simulator's own state, with tensors ``positions`` and ``velocities`` (N, 3), in the units of the
+            simulator (:class:`surfsup.scene.Units`); with particles of 15 mm these are meters and m/s.
 
     Examples:
         >>> import surfsup as sf
@@ -113,12 +113,15 @@ class Simulation:
             simulator, _ = load_simulator(simulator)
         self._device = choose_device(device)
         self._simulator = simulator.to(self._device)
-        self.surface = scene.build_surface()
+        self._units = scene.units
+        solver_scene = self._units.scene_to_solver(scene)
+        solid = solver_scene.build_surface()
+        self.surface = self._units.surface_from_solver(solid)
         self.particles = scene.initial_particles(self.surface) if particles is None else particles
-        self._environment = Environment.of(scene, self.surface, self._device)
+        self._environment = Environment.of(solver_scene, solid, self._device)
+        start = self._units.particles_to_solver(self.particles)
         positions, velocities = (
-            torch.from_numpy(values).to(self._device)
-            for values in (self.particles.positions, self.particles.velocities)
+            torch.from_numpy(values).to(self._device) for values in (start.positions, start.velocities)
         )
         self._start = SimulationState(0, self._simulator.initial_state(positions, velocities, self._environment))
         self._state = self._start
@@ -131,12 +134,12 @@ class Simulation:
     @property
     def time(self) -> float:
         """Seconds since the start of the scene."""
-        return self._state.frame * FRAME_TIME
+        return self._state.frame * self._units.frame_time
 
     @property
     def frame(self) -> Frame:
         """The particles now."""
-        return as_frame(self.time, self._state.fluid.positions, self._state.fluid.velocities)
+        return self._as_frame(self.time, self._state.fluid.positions, self._state.fluid.velocities)
 
     def reset(self, state: SimulationState | None = None) -> None:
         """Return to an earlier state of this simulation, or of one of the same scene; by default to the start.
@@ -150,7 +153,9 @@ class Simulation:
 
     @torch.no_grad()
     def step(self) -> Frame:
-        """Advance by 0.005 s and return the particles.
+        """Advance by a frame of the simulator and return the particles.
+
+        That is 0.005 s with particles of 15 mm, and in proportion to the root of their radius with others.
 
         Raises:
             SimulationError: the simulation failed: particles are at infinity or collapsed into a clump.
@@ -166,17 +171,19 @@ class Simulation:
         out of the solid where the spline enters it.
 
         Args:
-            seconds: simulated time; by default the scene's frames of 0.005 s.
-            fps: frames per second, at most 200; by default every step is a frame.
+            seconds: simulated time; by default that of the scene's frames.
+            fps: frames per second, at most one frame a step (200 with particles of 15 mm); by default those of the
+                scene, in which every step is a frame unless it says otherwise.
 
         Raises:
             InputError: a value is out of range.
             SimulationError: as :meth:`step`.
         """
-        steps = self.scene.frames if seconds is None else seconds / FRAME_TIME
-        interval = 1.0 if fps is None else 1 / (fps * FRAME_TIME) if fps > 0 else math.inf
+        frame_time = self._units.frame_time
+        interval = (self.scene.frame_time if fps is None else 1 / fps if fps > 0 else math.inf) / frame_time
+        steps = self.scene.frames * interval if seconds is None else seconds / frame_time
         if not (0 < steps < math.inf and 1 - ROUNDING <= interval < math.inf):
-            raise InputError(f"seconds must be above 0 and fps above 0 and at most {1 / FRAME_TIME:g}")
+            raise InputError(f"seconds must be above 0 and fps above 0 and at most {1 / frame_time:.5g}")
         return self._frames(self._state.frame, steps, interval)
 
     def record(self, path: str | Path, seconds: float | None = None) -> None:
@@ -213,30 +220,13 @@ class Simulation:
         if part > 1 - ROUNDING:
             return self.frame
         old, new = before.fluid, self._state.fluid
-        positions, velocities = hermite(old, new, part)
+        positions, velocities = hermite((old.positions, old.velocities), (new.positions, new.velocities), part)
         if self.handle_collisions:
             result = resolve_collisions(old.positions, positions, velocities, self._environment)
             positions, velocities = result.positions, result.velocities
-        return as_frame(target * FRAME_TIME, positions, velocities)
+        return self._as_frame(target * self._units.frame_time, positions, velocities)
 
-
-def hermite(old: FluidState, new: FluidState, part: float) -> tuple[torch.Tensor, torch.Tensor]:
-    """Positions and velocities (N, 3) at a ``part`` of the way between two frames, on cubic Hermite splines."""
-    s, h = part, FRAME_TIME
-    positions = (
-        (1 + 2 * s) * (1 - s) ** 2 * old.positions
-        + s * (1 - s) ** 2 * h * old.velocities
-        + s**2 * (3 - 2 * s) * new.positions
-        + s**2 * (s - 1) * h * new.velocities
-    )
-    velocities = (
-        6 * s * (1 - s) / h * (new.positions - old.positions)
-        + (1 - s) * (1 - 3 * s) * old.velocities
-        + s * (3 * s - 2) * new.velocities
-    )
-    return positions, velocities
-
-
-def as_frame(time: float, positions: torch.Tensor, velocities: torch.Tensor) -> Frame:
-    """A frame with copies of the particles as NumPy arrays."""
-    return Frame(time, *(values.detach().float().cpu().numpy().copy() for values in (positions, velocities)))
+    def _as_frame(self, time: float, positions: torch.Tensor, velocities: torch.Tensor) -> Frame:
+        """A frame with copies of the particles as NumPy arrays, in the units of the scene."""
+        arrays = (values.detach().float().cpu().numpy().copy() for values in (positions, velocities))
+        return Frame(time, *self._units.frame_from_solver(*arrays))

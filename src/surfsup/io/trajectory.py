@@ -21,7 +21,7 @@ from isal import isal_zlib
 
 from surfsup import __version__
 from surfsup.errors import InputError
-from surfsup.scene import FRAME_TIME, PARTICLE_RADIUS, Scene
+from surfsup.scene import Scene
 
 GROUP = "00000"
 FRAMES_PER_CHUNK = 2  # larger chunks compress better (8: 0.66 instead of 0.72), but windows then read unused frames
@@ -167,8 +167,8 @@ class TrajectoryWriter:
         self._file.attrs.update(
             {
                 "scene": text,
-                "frame_time": FRAME_TIME,
-                "radius": PARTICLE_RADIUS,
+                "frame_time": scene.frame_time,
+                "radius": scene.particle_radius,
                 "model": provenance.simulator,
                 "seed": provenance.seed,
                 "version": provenance.version,

@@ -2,8 +2,9 @@
 
 from surfsup.scene.fluid import NEAR_SURFACE_DISTANCE, PARTICLE_RADIUS, SPACING, Block, Fluid, InitialParticles
 from surfsup.scene.mesh_surface import load_mesh
-from surfsup.scene.scene import FRAME_TIME, SURFACE_CLEARANCE, WALL_CELL, WALL_CLEARANCE, Container, Scene
+from surfsup.scene.scene import SURFACE_CLEARANCE, WALL_CELL, WALL_CLEARANCE, Container, Scene
 from surfsup.scene.shapes import Shape
+from surfsup.scene.units import FRAME_TIME, Units
 
 __all__ = [
     "FRAME_TIME",
@@ -19,5 +20,6 @@ __all__ = [
     "InitialParticles",
     "Scene",
     "Shape",
+    "Units",
     "load_mesh",
 ]

@@ -40,7 +40,8 @@ class Environment:
 
     @classmethod
     def of(cls, scene: Scene, surface: Surface | None, device: torch.device | str = "cpu") -> Environment:
-        """The environment of a scene."""
+        """The environment of a scene in the units of the simulators (:meth:`surfsup.scene.Units.scene_to_solver`)."""
+        assert scene.units.same, "convert the scene first"
         container = scene.container
         return cls(
             None if surface is None else surface_on(surface, device),

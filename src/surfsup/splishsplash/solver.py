@@ -19,6 +19,7 @@ from surfsup.errors import InputError, SimulationError
 from surfsup.scene import InitialParticles, Scene
 from surfsup.sdf import Surface
 from surfsup.sph.boundary.scene_boundaries import scene_volume_maps
+from surfsup.sph.interpolation import frames_needed, resample
 from surfsup.sph.state import SUBSTEPS
 from surfsup.splishsplash.job_files import write_job
 
@@ -39,7 +40,7 @@ def simulate(
     """Run ``scene`` in SPlisHSPlasH and yield its frames as the solver makes them.
 
     Args:
-        scene: container, gravity and number of frames.
+        scene: container, gravity, and number and rate of frames.
         surface: the scene's solid; the solver gets its volume map.
         start: the particles of frame 0.
         threads: of the solver.
@@ -52,10 +53,25 @@ def simulate(
         SolverError: the child process ended early.
         InputError: the solver or a library that it needs is not installed, or the surface is not near the container.
     """
+    units = scene.units
+    solver_scene, start = units.scene_to_solver(scene), units.particles_to_solver(start)
+    interval = scene.frame_time / units.frame_time
+    frames = simulate_frames(
+        solver_scene, units.surface_to_solver(surface), start, frames_needed(scene.frames, interval), threads
+    )
+    with contextlib.closing(frames):
+        for frame in resample(frames, interval):
+            yield units.frame_from_solver(*frame)
+
+
+def simulate_frames(
+    scene: Scene, surface: Surface | None, start: InitialParticles, count: int, threads: int
+) -> Generator[Frame, None, None]:
+    """Run ``count`` frames of 5 ms of a scene in the units of the solver; see :func:`simulate`."""
     maps = scene_volume_maps(scene, surface)
     with tempfile.TemporaryDirectory(prefix="surfsup-") as folder, tempfile.TemporaryFile() as log:
         scene_file = write_job(Path(folder), scene.gravity, start.block_positions, start.block_velocities, maps)
-        frames = run_child(scene_file, scene.frames, len(start.positions), threads, log)
+        frames = run_child(scene_file, count, len(start.positions), threads, log)
         with contextlib.closing(frames):
             for number, frame in enumerate(frames):
                 if number == 1:  # the solver has read all files by now; delete them before a kill can leave them behind

@@ -7,7 +7,7 @@ import numpy as np
 import trimesh
 
 from surfsup.viewing import lighting
-from surfsup.viewing.camera import Camera, fit_camera
+from surfsup.viewing.camera import Camera, fit_camera, picture_scale
 from surfsup.viewing.rasterizer import Rasterizer
 from surfsup.viewing.static_scene import StaticScene, clipping_range
 from surfsup.viewing.water import light_space_axes, reconstruct_surface, shade_water, water_shadow, water_thickness
@@ -42,7 +42,13 @@ class FrameRenderer:
         focus: np.ndarray | None = None,
         size: tuple[int, int] = (960, 720),
     ) -> None:
-        self._radius = particle_radius
+        self._scale = picture_scale(container_size, particle_radius)
+        if self._scale != 1:
+            x, y, z = container_size
+            container_size = (self._scale * x, self._scale * y, self._scale * z)
+            solid = solid.copy().apply_scale(self._scale) if solid is not None else None
+            focus = self._scale * focus if focus is not None else None
+        self._radius = self._scale * particle_radius
         render_size = (size[0] * _SUPERSAMPLING, size[1] * _SUPERSAMPLING)
         bounds = np.asarray(solid.bounds) if solid is not None else None
         self._camera = fit_camera(container_size, bounds, focus, render_size)
@@ -66,7 +72,7 @@ class FrameRenderer:
         Particles with a non-finite position are left out.
         """
         positions = np.asarray(positions, np.float32)
-        positions = positions[np.isfinite(positions).all(1)]
+        positions = self._scale * positions[np.isfinite(positions).all(1)]
         picture, depth = self._static.radiance.copy(), self._static.depth
         light = np.ones(self._receives_shadow.shape, np.float32)
         light[self._receives_shadow] = water_shadow(positions, self._radius, self._shadow_points)

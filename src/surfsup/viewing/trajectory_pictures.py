@@ -12,7 +12,7 @@ from PIL import Image
 from surfsup.errors import InputError
 from surfsup.io.atomic_file import atomic_file
 from surfsup.io.trajectory import Trajectory
-from surfsup.scene import FRAME_TIME, PARTICLE_RADIUS, Scene
+from surfsup.scene import Scene
 from surfsup.viewing.label import label
 from surfsup.viewing.renderer import FrameRenderer
 from surfsup.viewing.video import choose_frames, write_video
@@ -33,7 +33,7 @@ def scene_mesh(scene: Scene) -> trimesh.Trimesh | None:
 def trajectory_renderer(trajectory: Trajectory, size: tuple[int, int] = SINGLE_SIZE) -> FrameRenderer:
     """A renderer for pictures of ``size`` (width, height) whose camera shows the solid and the water of frame 0."""
     scene = trajectory.scene
-    return FrameRenderer(scene_mesh(scene), scene.container.size, PARTICLE_RADIUS, trajectory.positions[0], size)
+    return FrameRenderer(scene_mesh(scene), scene.container.size, trajectory.radius, trajectory.positions[0], size)
 
 
 def write_trajectory_page(file: Path, page: Path, progress: Progress) -> Path:
@@ -45,8 +45,8 @@ def write_trajectory_page(file: Path, page: Path, progress: Progress) -> Path:
             trajectory.positions[:],
             scene_mesh(scene),
             scene.container.size,
-            PARTICLE_RADIUS,
-            FRAME_TIME,
+            trajectory.radius,
+            trajectory.frame_time,
             progress,
         )
     return page
@@ -56,7 +56,7 @@ def write_trajectory_video(file: Path, video: Path, progress: Progress) -> Path:
     """Render the trajectory in ``file`` as a video; returns the path of the video."""
     with Trajectory(file) as trajectory:
         renderer = trajectory_renderer(trajectory)
-        chosen = choose_frames(len(trajectory), FRAME_TIME)
+        chosen = choose_frames(len(trajectory), trajectory.frame_time)
         images = (renderer.render(trajectory.positions[frame]) for frame in chosen)
         write_video(video, images, progress=progress, total=len(chosen))
         renderer.close()
@@ -71,7 +71,7 @@ def write_comparison_video(left: Path, right: Path, labels: tuple[str, str], vid
     with Trajectory(left) as left_trajectory, Trajectory(right) as right_trajectory:
         renderer = trajectory_renderer(right_trajectory, PAIR_SIZE)
         pair = tuple(zip((left_trajectory, right_trajectory), labels, strict=True))
-        chosen = choose_frames(min(len(left_trajectory), len(right_trajectory)), FRAME_TIME)
+        chosen = choose_frames(min(len(left_trajectory), len(right_trajectory)), right_trajectory.frame_time)
         images = (
             np.hstack([label(renderer.render(trajectory.positions[frame]), text) for trajectory, text in pair])
             for frame in chosen
