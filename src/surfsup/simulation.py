@@ -19,6 +19,7 @@ from surfsup.sph.collision import resolve_collisions
 from surfsup.sph.device import choose_device
 from surfsup.sph.environment import Environment
 from surfsup.sph.interpolation import ROUNDING, hermite
+from surfsup.sph.settle import start_of
 from surfsup.sph.simulator import FluidState, Simulator
 
 
@@ -113,11 +114,11 @@ class Simulation:
             simulator, _ = load_simulator(simulator)
         self._device = choose_device(device)
         self._simulator = simulator.to(self._device)
-        self._units = scene.units
+        self._units, self._start_time = scene.units, scene.start_time
         solver_scene = self._units.scene_to_solver(scene)
         solid = solver_scene.build_surface()
         self.surface = self._units.surface_from_solver(solid)
-        self.particles = scene.initial_particles(self.surface) if particles is None else particles
+        self.particles = start_of(scene, self.surface) if particles is None else particles
         self._environment = Environment.of(solver_scene, solid, self._device)
         start = self._units.particles_to_solver(self.particles)
         positions, velocities = (
@@ -133,8 +134,8 @@ class Simulation:
 
     @property
     def time(self) -> float:
-        """Seconds since the start of the scene."""
-        return self._state.frame * self._units.frame_time
+        """Seconds since the start of the scene, or of the one that it continues."""
+        return self._start_time + self._state.frame * self._units.frame_time
 
     @property
     def frame(self) -> Frame:
@@ -224,7 +225,7 @@ class Simulation:
         if self.handle_collisions:
             result = resolve_collisions(old.positions, positions, velocities, self._environment)
             positions, velocities = result.positions, result.velocities
-        return self._as_frame(target * self._units.frame_time, positions, velocities)
+        return self._as_frame(self._start_time + target * self._units.frame_time, positions, velocities)
 
     def _as_frame(self, time: float, positions: torch.Tensor, velocities: torch.Tensor) -> Frame:
         """A frame with copies of the particles as NumPy arrays, in the units of the scene."""

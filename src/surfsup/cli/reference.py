@@ -23,12 +23,13 @@ def reference(
     Example: surfsup reference bunny.obj -o out/bunny-reference
     """
     from surfsup.io.trajectory import Provenance
+    from surfsup.sph.settle import start_of
     from surfsup.splishsplash import solver
     from surfsup.splishsplash.compressed_start import warn_compressed_start
 
     scene = scene_options.read()
     surface = scene.build_surface()
-    particles = scene.initial_particles(surface)
+    particles = start_of(scene, surface)
     solver.check_installed()
     warn_compressed_start(scene, particles)
     folder = output.create_folder(scene_options.source, len(particles.positions), scene.frames)

@@ -14,7 +14,7 @@ from surfsup.errors import InputError
 if TYPE_CHECKING:
     from surfsup.scene import Scene
 
-FOR_SCENE_FILES = ("source", "frames", "duration", "fps", "particle_radius")
+FOR_SCENE_FILES = ("source", "frames", "duration", "fps", "particle_radius", "restart")
 
 
 @dataclass(frozen=True)
@@ -33,6 +33,9 @@ class SceneOptions:
     fps: Annotated[float | None, typer.Option(help="Frames per second; 200 by default with particles of 15 mm.")] = None
     particle_radius: Annotated[
         float | None, typer.Option(help="Particle radius in meters, 0.001 to 0.1; 0.015 by default.")
+    ] = None
+    restart: Annotated[
+        Path | None, typer.Option(help="A trajectory; the scene begins with its last frame, and its time continues.")
     ] = None
     fit: Annotated[
         float | None, typer.Option(help="Largest extent of the scaled surface in meters; 0.7 by default.")
@@ -77,5 +80,9 @@ class SceneOptions:
 
     def _with_changes(self, scene: Scene) -> Scene:
         return scene.with_changes(
-            particle_radius=self.particle_radius, fps=self.fps, duration=self.duration, frames=self.frames
+            particle_radius=self.particle_radius,
+            fps=self.fps,
+            duration=self.duration,
+            frames=self.frames,
+            restart=None if self.restart is None else self.restart.resolve(),
         )

@@ -188,9 +188,17 @@ def scene_difference(one: Scene, other: Scene) -> str | None:
         return "surfaces"
     if one.gravity != other.gravity:
         return "gravities"
-    corners = [np.array([(entry.block.min, entry.block.max) for entry in scene.fluid]) for scene in (one, other)]
-    if corners[0].shape != corners[1].shape or np.abs(corners[0] - corners[1]).max() > other.spacing:
+    ours, theirs = (scene.with_paths_relative_to(root).fluid for scene in (one, other))
+    if len(ours) != len(theirs):
         return "blocks of fluid"
+    for mine, other_entry in zip(ours, theirs, strict=True):
+        if mine.block is None or other_entry.block is None:
+            if mine != other_entry:
+                return "blocks of fluid"
+            continue
+        corners = [np.array([entry.min, entry.max]) for entry in (mine.block, other_entry.block)]
+        if np.abs(corners[0] - corners[1]).max() > other.spacing:
+            return "blocks of fluid"
     return None
 
 

@@ -115,6 +115,7 @@ class Trajectory(TrajectoryFrames):
         scene: the simulated scene.
         provenance: simulator, seed and version.
         frame_time: seconds between frames.
+        start_time: seconds, of the first frame; above 0 where the scene continues another trajectory.
         radius: particle radius in meters.
 
     Examples:
@@ -131,6 +132,7 @@ class Trajectory(TrajectoryFrames):
         attributes = dict(self._file.attrs)
         self.scene = Scene.from_yaml(str(attributes["scene"]), f"{path} (scene)", path.parent)
         self.frame_time, self.radius = float(attributes["frame_time"]), float(attributes["radius"])
+        self.start_time = float(attributes.get("start_time", 0.0))
         self.provenance = Provenance(str(attributes["model"]), int(attributes["seed"]), str(attributes["version"]))
 
 
@@ -168,6 +170,7 @@ class TrajectoryWriter:
             {
                 "scene": text,
                 "frame_time": scene.frame_time,
+                "start_time": scene.start_time,
                 "radius": scene.particle_radius,
                 "model": provenance.simulator,
                 "seed": provenance.seed,

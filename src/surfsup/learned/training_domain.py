@@ -112,7 +112,7 @@ class TrainingDomain:
         x, y, z = scene.container.size
         units = scene.units
         magnitude, tilt = gravity_magnitude_and_tilt(scene)
-        speed = max(math.hypot(*entry.block.velocity) for entry in scene.fluid)
+        speed = max((entry.speed for entry in scene.fluid), default=0.0)
         found = []
         side_x, side_y, height = (side / units.length for side in (x, y, z))
         if not (contains(self.sides, side_x) and contains(self.sides, side_y) and contains(self.heights, height)):

@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
+from pydantic import model_validator
 
+from surfsup.scene.fill import Fill
+from surfsup.scene.particle_file import ParticleFile
 from surfsup.scene.strict_model import StrictModel, Vector, for_callers_only
 
 PARTICLE_RADIUS = 0.015  # meters
@@ -76,9 +80,59 @@ class Block(StrictModel):
 
 
 class Fluid(StrictModel):
-    """One entry of ``fluid`` in a scene file."""
+    """One entry of ``fluid`` in a scene file: a block, a filled shape or vessel, or the particles of a file."""
 
-    block: Block
+    block: Block | None = None
+    fill: Fill | None = None
+    particles: ParticleFile | None = None
+
+    @model_validator(mode="after")
+    def check_kind(self) -> Fluid:
+        """Require exactly one kind."""
+        given = [kind for kind in type(self).model_fields if getattr(self, kind) is not None]
+        if len(given) != 1:
+            found = " and ".join(given) if given else "none"
+            raise ValueError(f"needs exactly one of {', '.join(type(self).model_fields)}, found {found}")
+        return self
+
+    @classmethod
+    def of(cls, entry: Fluid | Block | Fill | ParticleFile) -> Fluid:
+        """The entry of a block, a fill or a file; an entry stays as it is."""
+        if isinstance(entry, Block):
+            return cls(block=entry)
+        if isinstance(entry, Fill):
+            return cls(fill=entry)
+        return cls(particles=entry) if isinstance(entry, ParticleFile) else entry
+
+    @property
+    def kind(self) -> str:
+        """The key of the entry."""
+        return next(kind for kind in type(self).model_fields if getattr(self, kind) is not None)
+
+    @property
+    def content(self) -> Block | Fill | ParticleFile:
+        """The one that is given."""
+        content: Block | Fill | ParticleFile = getattr(self, self.kind)
+        return content
+
+    @property
+    def speed(self) -> float:
+        """The magnitude of the entry's velocity in m/s; 0 for the velocities of a file."""
+        return math.hypot(*(self.content.velocity or (0.0, 0.0, 0.0)))
+
+    @property
+    def settle(self) -> bool:
+        """Whether the water comes to rest before the scene begins."""
+        return not isinstance(self.content, Block) and self.content.settle
+
+    def map_files(self, function: Callable[[Path], Path]) -> Fluid:
+        """A copy with ``function`` applied to the path of every file."""
+        content = self.content
+        if isinstance(content, ParticleFile):
+            return Fluid(particles=content.model_copy(update={"file": function(content.file)}))
+        if isinstance(content, Fill) and content.surface is not None:
+            return Fluid(fill=content.model_copy(update={"surface": content.surface.map_files(function)}))
+        return self
 
 
 @dataclass(frozen=True)
@@ -89,11 +143,13 @@ class InitialParticles:
         block_positions: positions (N, 3) float32 in meters, one array per block.
         block_velocities: velocity in m/s, one per block, or one (N, 3) for each of its particles.
         excluded: number of lattice sites without a particle, because they overlap the solid or another block.
+        settle: whether the water of each block comes to rest before the scene begins; empty for none.
     """
 
     block_positions: list[np.ndarray]
     block_velocities: Sequence[Vector | np.ndarray]
     excluded: int
+    settle: tuple[bool, ...] = ()
 
     @property
     def positions(self) -> np.ndarray:

@@ -8,18 +8,18 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
-import numpy as np
-import torch
 import yaml
 from pydantic import Field, GetPydanticSchema, PrivateAttr, ValidationError, field_validator, model_validator
 from pydantic_core import core_schema
-from scipy.spatial import cKDTree
 
 from surfsup.errors import InputError
+from surfsup.scene.fill import Fill
 from surfsup.scene.fluid import PARTICLE_RADIUS, Block, Fluid, InitialParticles
 from surfsup.scene.mesh_surface import MeshFileSurface
+from surfsup.scene.particle_file import ParticleFile, end_time
 from surfsup.scene.safe_yaml import parse_yaml
 from surfsup.scene.shapes import Shape
+from surfsup.scene.start import initial_particles
 from surfsup.scene.strict_model import Finite, Length, StrictModel, Vector, for_callers_only
 from surfsup.scene.units import Units
 from surfsup.scene.validation_error import format_validation_error
@@ -27,9 +27,6 @@ from surfsup.sdf import Surface
 from surfsup.sdf.neural.shipped_surfaces import is_shipped
 
 MIN_RADIUS, MAX_RADIUS = 1e-3, 0.1  # meters
-# Minimum distance of particles of 15 mm at the start, meters: in the reference at most 0.04 % come closer (measured).
-SURFACE_CLEARANCE = 0.0238
-WALL_CLEARANCE = 0.024
 WALL_CELL = 0.05  # meters, approximately: cell size of the walls' boundary volume maps
 
 
@@ -72,7 +69,7 @@ class Scene(StrictModel):
     """What to simulate; ``docs/scene-file.md`` describes the file.
 
     Attributes:
-        fluid: blocks of fluid.
+        fluid: blocks of fluid, filled shapes and vessels, particles of files.
         surface: the solid, as a shape description or a Surface; None for an empty container.
         container: the box around everything.
         gravity: m/s².
@@ -80,6 +77,7 @@ class Scene(StrictModel):
         particle_radius: half the particle spacing in meters, from 0.001 to 0.1.
         fps: frames per second; by default each frame of the simulator, 5 ms · √(particle_radius / 15 mm), is one.
         duration: seconds, instead of ``frames``.
+        restart: a trajectory whose last frame replaces the start of the fluid; time continues.
 
     Raises:
         InputError: a value is out of range, or ``frames`` and ``duration`` contradict each other.
@@ -99,13 +97,14 @@ class Scene(StrictModel):
     particle_radius: Finite = PARTICLE_RADIUS
     fps: Length | None = None
     duration: Length | None = None
+    restart: Path | None = None
     _folder: Path = PrivateAttr(default=Path())
 
     @for_callers_only
     def __init__(
         self,
         *,
-        fluid: Sequence[Block | Fluid],
+        fluid: Sequence[Block | Fill | ParticleFile | Fluid],
         surface: Shape | Surface | None = None,
         container: Container = STANDARD_CONTAINER,
         gravity: Vector = (0.0, 0.0, -9.81),
@@ -113,8 +112,9 @@ class Scene(StrictModel):
         particle_radius: float = PARTICLE_RADIUS,
         fps: float | None = None,
         duration: float | None = None,
+        restart: Path | str | None = None,
     ) -> None:
-        entries = [Fluid(block=entry) if isinstance(entry, Block) else entry for entry in fluid]
+        entries = [Fluid.of(entry) for entry in fluid]
         given = {} if frames is None else {"frames": frames}
         super().__init__(
             fluid=entries,
@@ -124,6 +124,7 @@ class Scene(StrictModel):
             particle_radius=particle_radius,
             fps=fps,
             duration=duration,
+            restart=restart,
             **given,
         )
 
@@ -140,6 +141,8 @@ class Scene(StrictModel):
         """Require that every block holds a particle, and not too many."""
         for number, entry in enumerate(self.fluid):
             try:
+                if entry.block is None:
+                    continue
                 entry.block.check_particle_count(self.spacing)
             except ValueError as error:
                 raise ValueError(f"fluid.{number}.block: {error}") from None
@@ -175,6 +178,11 @@ class Scene(StrictModel):
     def frame_time(self) -> float:
         """Seconds between the frames of the scene's trajectory."""
         return self.units.frame_time if self.fps is None else 1 / self.fps
+
+    @property
+    def start_time(self) -> float:
+        """The time at which the scene begins, seconds: 0, or the end of the trajectory that it continues."""
+        return 0.0 if self.restart is None else end_time(self._folder / self.restart)
 
     @property
     def base_folder(self) -> Path:
@@ -254,8 +262,6 @@ class Scene(StrictModel):
             root: folder that may be moved as a whole; ``folder`` by default.
         """
         shape = self.shape
-        if not isinstance(shape, Shape):
-            return self
         target, inside = folder.resolve(), (root or folder).resolve()
 
         def relocate(file: Path) -> Path:
@@ -264,7 +270,12 @@ class Scene(StrictModel):
             absolute = (self._folder / file).resolve()
             return Path(os.path.relpath(absolute, target)) if absolute.is_relative_to(inside) else absolute
 
-        return self.model_copy(update={"surface": shape.map_files(relocate)}).with_base_folder(folder)
+        changes = {
+            "surface": shape.map_files(relocate) if isinstance(shape, Shape) else shape,
+            "fluid": [entry.map_files(relocate) for entry in self.fluid],
+            "restart": None if self.restart is None else relocate(self.restart),
+        }
+        return self.model_copy(update=changes).with_base_folder(folder)
 
     def with_base_folder(self, folder: Path) -> Scene:
         """A copy whose relative paths start at ``folder``."""
@@ -276,8 +287,8 @@ class Scene(StrictModel):
         """A copy with another number of frames."""
         return self.model_copy(update={"frames": frames, "duration": None})
 
-    def with_changes(self, **values: float | int | None) -> Scene:
-        """A copy with other values of ``particle_radius``, ``fps``, ``duration`` or ``frames``; None keeps the value.
+    def with_changes(self, **values: float | Path | None) -> Scene:
+        """A copy with other values of some attributes; None keeps a value.
 
         Raises:
             InputError: a value is out of range, or contradicts another.
@@ -300,45 +311,15 @@ class Scene(StrictModel):
         return self.surface.surface(self._folder) if isinstance(self.surface, Shape) else self.surface
 
     def initial_particles(self, surface: Surface | None) -> InitialParticles:
-        """Fill the blocks with particles, except where they overlap the solid or an earlier block.
+        """Place the particles of each entry of the fluid, except where they overlap the solid or an earlier entry.
+
+        A scene with ``restart`` has those of the last frame of that trajectory instead.
 
         Args:
             surface: the surface of :meth:`build_surface`.
 
         Raises:
-            InputError: a block reaches out of the container, or no particle remains.
+            InputError: an entry reaches out of the container, a vessel is open, a file is unusable, this machine's
+                memory is too small, or no particle remains.
         """
-        clearance = SURFACE_CLEARANCE * self.units.length
-        blocks, velocities, placed, excluded = [], [], np.empty((0, 3), np.float32), 0
-        for number, entry in enumerate(self.fluid):
-            self._check_inside_container(number, entry.block)
-            positions = entry.block.positions(self.spacing)
-            free = np.ones(len(positions), dtype=bool)
-            if surface is not None:
-                with torch.no_grad():
-                    free &= (surface.distance(torch.from_numpy(positions)) >= clearance).numpy()
-            if len(placed):
-                free &= cKDTree(placed).query(positions)[0] > 0.9 * self.spacing
-            excluded += int((~free).sum())
-            if free.any():
-                blocks.append(positions[free])
-                velocities.append(entry.block.velocity)
-                placed = np.concatenate([placed, positions[free]])
-        if not blocks:
-            raise InputError(
-                f"fluid: all {excluded} particles are inside the solid; move the block or make the surface smaller"
-            )
-        return InitialParticles(blocks, velocities, excluded)
-
-    def _check_inside_container(self, number: int, block: Block) -> None:
-        clearance = WALL_CLEARANCE * self.units.length
-        limits = zip("xyz", self.container.lower, self.container.upper, strict=True)
-        for (name, low, high), (first, last), start, end in zip(
-            limits, block.particle_bounds(self.spacing), block.min, block.max, strict=True
-        ):
-            if first < low + clearance or last > high - clearance:
-                raise InputError(
-                    f"fluid: block {number} reaches from {start:.3g} to {end:.3g} m along "
-                    f"{name}, outside the container ({low:.3g} to {high:.3g} m); "
-                    "move the block or enlarge the container"
-                )
+        return initial_particles(self, surface)

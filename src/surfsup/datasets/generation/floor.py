@@ -124,6 +124,8 @@ def shifted_scene(reference: Trajectory, axis: int) -> Scene:
     x, y, z = (SHIFT * np.eye(3)[axis]).tolist()
 
     def shifted(entry: Fluid) -> Fluid:
+        if entry.block is None:
+            raise InputError(f"the floor shifts blocks of water, but the scene has a {entry.kind}")
         lower, upper = ((corner[0] + x, corner[1] + y, corner[2] + z) for corner in (entry.block.min, entry.block.max))
         return Fluid(block=Block(min=lower, max=upper, velocity=entry.block.velocity))
 
