@@ -35,7 +35,7 @@ def energy_gain(state: ParticleState, positions: Tensor, velocities: Tensor, gra
 
 
 def limit_energy_gain(
-    state: ParticleState, positions: Tensor, velocities: Tensor, gravity: Tensor
+    state: ParticleState, positions: Tensor, velocities: Tensor, gravity: Tensor, parts: int = 1
 ) -> tuple[Tensor, Tensor]:
     """A step from ``state`` with its deviations from free fall cut until it gains no energy.
 
@@ -47,10 +47,11 @@ def limit_energy_gain(
         positions: after it, meters.
         velocities: after it, m/s.
         gravity: (3,), m/s².
+        parts: number of such steps in a frame.
     """
     if not energy_gain(state, positions, velocities, gravity) > MAX_ENERGY_GAIN:
         return positions, velocities
-    predicted, falling = state.ballistic(gravity)
+    predicted, falling = state.ballistic(gravity, parts)
     delta_velocity, delta_position = velocities - falling, positions - predicted
     for halving in range(1, HALVINGS + 1):
         fraction = kept_fraction(delta_velocity, MAX_DELTA_VELOCITY / 2**halving)

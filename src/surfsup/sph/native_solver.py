@@ -50,15 +50,16 @@ class NativeSolver:
 
     Args:
         isa: instruction set; by default the fastest that the processor has.
+        parts: number of steps in a frame.
     """
 
-    def __init__(self, isa: str | None = None) -> None:
-        self.isa = isa or fastest_isa()
-        self.solver = native.Solver(solver_parameters())
+    def __init__(self, isa: str | None = None, parts: int = 1) -> None:
+        self.isa, self.parts = isa or fastest_isa(), parts
+        self.solver = native.Solver(solver_parameters(parts))
         self._last: tuple[Environment, LastQuery] | None = None
 
-    def __reduce__(self) -> tuple[type[NativeSolver], tuple[str]]:
-        return NativeSolver, (self.isa,)  # a copy has buffers of its own
+    def __reduce__(self) -> tuple[type[NativeSolver], tuple[str, int]]:
+        return NativeSolver, (self.isa, self.parts)  # a copy has buffers of its own
 
     def step(self, state: ParticleState, environment: Environment, handle_collisions: bool = True) -> NativeFrame:
         """One frame.
@@ -154,8 +155,8 @@ class NativeSolver:
 
 
 @cache
-def solver_parameters() -> native.SolverParameters:
-    """The constants of the solver for C++ code."""
+def solver_parameters(parts: int = 1) -> native.SolverParameters:
+    """The constants of the solver for C++ code, with that many steps in a frame."""
     boundary = native.BoundaryParameters()
     boundary.distance_offset = density.DISTANCE_OFFSET
     boundary.min_distance = density.MIN_DISTANCE
@@ -168,7 +169,7 @@ def solver_parameters() -> native.SolverParameters:
 
     parameters = native.SolverParameters()
     parameters.kernel_support = KERNEL_SUPPORT
-    parameters.frame_time = FRAME_TIME
+    parameters.frame_time = FRAME_TIME / parts
     parameters.substeps = SUBSTEPS
     parameters.self_density = dfsph.SELF_DENSITY
     parameters.divergence_relaxation = dfsph.DIVERGENCE_RELAXATION

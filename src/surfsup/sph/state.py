@@ -28,11 +28,15 @@ class ParticleState:
     positions: Tensor
     velocities: Tensor
 
-    def ballistic(self, gravity: Tensor) -> tuple[Tensor, Tensor]:
-        """Positions (N, 3) in meters and velocities (N, 3) in m/s one frame later under ``gravity`` (3,) alone."""
+    def ballistic(self, gravity: Tensor, parts: int = 1) -> tuple[Tensor, Tensor]:
+        """Positions (N, 3) in meters and velocities (N, 3) in m/s one frame later under ``gravity`` (3,) alone.
+
+        With ``parts`` they are those after that fraction of a frame, in as many substeps.
+        """
+        time = FRAME_TIME / parts
         return (
-            self.positions + FRAME_TIME * self.velocities + free_fall(gravity),
-            self.velocities + FRAME_TIME * gravity,
+            self.positions + time * self.velocities + free_fall(gravity) / parts**2,
+            self.velocities + time * gravity,
         )
 
     def detach(self) -> ParticleState:
