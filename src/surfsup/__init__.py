@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from surfsup.evaluation.pair import evaluate_pair as evaluate
     from surfsup.io.trajectory import Trajectory
     from surfsup.scene import Block, Container, Scene, load_mesh
+    from surfsup.scene.pose import Pose
     from surfsup.sdf import (
         Bowl,
         Box,
@@ -44,6 +45,7 @@ _MODULES = {
     "SimulationError": "errors",
     "Trajectory": "io.trajectory",
     **dict.fromkeys(("Block", "Container", "Scene", "load_mesh"), "scene"),
+    "Pose": "scene.pose",
     **dict.fromkeys(("Bowl", "Box", "CappedCone", "Cylinder", "Difference", "Funnel", "Heightfield"), "sdf"),
     **dict.fromkeys(("Intersection", "Sphere", "Surface", "Torus", "Transformed", "Union"), "sdf"),
     **dict.fromkeys(("Frame", "Simulation", "SimulationState"), "simulation"),
@@ -62,6 +64,7 @@ __all__ = [
     "Heightfield",
     "InputError",
     "Intersection",
+    "Pose",
     "Scene",
     "Simulation",
     "SimulationError",

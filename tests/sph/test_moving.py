@@ -22,7 +22,7 @@ pytestmark = pytest.mark.skipif(not is_built(), reason="the package was built wi
 every_isa = pytest.mark.parametrize("isa", native.instruction_sets())
 CUP = (
     "difference: [{cylinder: {radius: 0.12, height: 0.24}, at: [0, 0, 0.12]},"
-    " {cylinder: {radius: %g, height: 0.24}, at: [0, 0, %g]}]"
+    " {cylinder: {radius: %g, height: 1}, at: [0, 0, %g]}]"
 )
 
 
@@ -131,7 +131,7 @@ def test_a_piston_pushes_a_pool_and_no_particle_enters_it():
 @pytest.mark.parametrize("wall", [PARTICLE_RADIUS, 0.002])
 def test_a_cup_keeps_its_water_when_carried_about(wall):
     simulation = simulation_of(
-        f"container: {{size: [2, 2, 2]}}\nsurfaces:\n  cup:\n    {CUP % (0.12 - wall, 0.12 + wall)}\n"
+        f"container: {{size: [2, 2, 2]}}\nsurfaces:\n  cup:\n    {CUP % (0.12 - wall, 0.5 + wall)}\n"
         "    at: [-0.5, 0, 0.2]\n    motion: {keyframes: [{time: 0.1}, {time: 0.8, position: [0, 0.3, 0.7]},"
         " {time: 1.4, position: [0.5, 0, 0.3]}, {time: 2, position: [0, 0, 0.3]}]}\n"
         "fluid: [{block: {min: [-0.6, -0.1, 0.22], max: [-0.4, 0.1, 0.36]}}]"
