@@ -22,6 +22,7 @@ from surfsup.viewing.video import choose_frames, write_video
 from surfsup.viewing.web_player import write_web_player
 
 SOLID_RESOLUTION = 160  # cells of marching cubes
+MOVING_RESOLUTION = 96  # the same for solids that move, whose shadows every picture needs anew
 SINGLE_SIZE, PAIR_SIZE = (960, 720), (640, 480)  # pixels of a single picture and of each of two side by side
 
 Progress = Callable[[int, int], None]  # numbers of finished and of all frames
@@ -74,7 +75,7 @@ def trajectory_meshes(trajectory: Trajectory) -> tuple[trimesh.Trimesh | None, l
     solids = build_solids(trajectory.scene, list(trajectory.poses))
     still = None if solids.still is None else solids.still.to_mesh(SOLID_RESOLUTION)
     moving = [
-        MovingMesh(solid.surface.to_mesh(SOLID_RESOLUTION), trajectory.poses[solid.name]) for solid in solids.moving
+        MovingMesh(solid.surface.to_mesh(MOVING_RESOLUTION), trajectory.poses[solid.name]) for solid in solids.moving
     ]
     return still, moving
 
