@@ -28,7 +28,9 @@ def step_among_moving(
     """
     motion = environment.motion
     if motion is None:
-        raise ValueError("the environment of a scene with moving solids needs the motion of the frame: see at_frame")
+        raise InputError(
+            "the scene has solids that move, which this use of the solver does not know; omit their motion"
+        )
     if solver is None or not can_step_native(state, environment):
         raise InputError(
             "moving solids run in the C++ code only: on the CPU, in single precision, without gradients; "
