@@ -5,6 +5,7 @@ import pytest
 import torch
 
 from surfsup import Block, InputError, Scene, Simulation, Sphere, Transformed
+from surfsup.native.dispatch import is_built
 from surfsup.scene import FRAME_TIME
 from surfsup.sph.collision import CLEARANCE
 from surfsup.sph.state import ParticleState
@@ -134,3 +135,40 @@ def test_the_rate_and_the_duration_of_the_scene_are_those_of_a_run():
     scene = similar_scene(1 / 3, frames=None, duration=0.1, fps=60)
     frames = list(Simulation(scene, device="cpu").run())
     np.testing.assert_allclose([frame.time for frame in frames], np.arange(6) / 60, atol=1e-9)
+
+
+MOVING = """
+container: {{size: [{side}, {side}, {side}]}}
+particle_radius: {radius}
+surfaces:
+  paddle:
+    box: {{size: [{length}, {width}, {length}]}}
+    at: [0, 0, {height}]
+    motion: {{spin: {{axis: [0, 0, 1], rate: {rate}}}}}
+fluid: [{{block: {{min: [-{edge}, -{edge}, 0], max: [{edge}, {edge}, {depth}]}}}}]
+"""
+
+
+def stirred(factor):
+    """A pool with a turning paddle, all lengths times ``factor``."""
+    sizes = dict(side=0.4, length=0.2, width=0.06, height=0.12, edge=0.17, depth=0.17, radius=0.015)
+    scaled = {name: factor * value for name, value in sizes.items()}
+    return Simulation(Scene.from_yaml(MOVING.format(**scaled, rate=6 / factor**0.5), "stirred"), device="cpu")
+
+
+@pytest.mark.skipif(not is_built(), reason="moving solids run in the C++ code")
+def test_similar_scenes_with_moving_solids_give_the_same_frames_after_scaling():
+    large, small = stirred(1.0), stirred(0.5)
+    for _ in range(12):
+        one, other = large.step(), small.step()
+        np.testing.assert_allclose(2 * other.positions, one.positions, atol=1e-4)
+        np.testing.assert_allclose(other.poses["paddle"].rotation, one.poses["paddle"].rotation, atol=1e-9)
+    assert other.time == pytest.approx(one.time / 2**0.5)
+
+
+@pytest.mark.skipif(not is_built(), reason="moving solids run in the C++ code")
+def test_a_frame_between_two_steps_has_the_pose_of_its_time():
+    frames = list(stirred(1.0).run(seconds=0.1, fps=60))
+    for frame in frames:
+        turned = 2 * np.arccos(frame.poses["paddle"].rotation[0])
+        assert turned == pytest.approx(6 * frame.time, abs=1e-6)

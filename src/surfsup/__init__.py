@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from surfsup.exporting.export import export
     from surfsup.io.trajectory import Trajectory
     from surfsup.scene import Block, Container, Scene, load_mesh
+    from surfsup.scene.pose import Pose
     from surfsup.sdf import (
         Bowl,
         Box,
@@ -46,6 +47,7 @@ _MODULES = {
     "Trajectory": "io.trajectory",
     "export": "exporting.export",
     **dict.fromkeys(("Block", "Container", "Scene", "load_mesh"), "scene"),
+    "Pose": "scene.pose",
     **dict.fromkeys(("Bowl", "Box", "CappedCone", "Cylinder", "Difference", "Funnel", "Heightfield"), "sdf"),
     **dict.fromkeys(("Intersection", "Sphere", "Surface", "Torus", "Transformed", "Union"), "sdf"),
     **dict.fromkeys(("Frame", "Simulation", "SimulationState"), "simulation"),
@@ -64,6 +66,7 @@ __all__ = [
     "Heightfield",
     "InputError",
     "Intersection",
+    "Pose",
     "Scene",
     "Simulation",
     "SimulationError",

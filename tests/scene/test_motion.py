@@ -69,7 +69,7 @@ def test_a_smooth_curve_does_not_overshoot_and_rests_at_its_ends():
     angle = np.array([quaternion.logarithm(pose.rotation)[2] for pose in poses])
     assert (np.diff(x) >= -1e-12).all() and x.min() == 0 and x.max() == pytest.approx(1, abs=1e-12)
     np.testing.assert_allclose(angle, x, atol=1e-9)  # about one axis the rotation follows the same curve
-    assert np.abs(np.diff(x, 2)).max() < 2e-3  # no jump of the velocity
+    assert np.abs(np.diff(x, 2)).max() < 3e-3  # no jump of the velocity
 
 
 def test_the_shorter_way_is_taken():

@@ -6,6 +6,8 @@ import torch
 
 from surfsup.errors import InputError
 from surfsup.scene import FRAME_TIME, PARTICLE_RADIUS, Block, Container, Scene, Units
+from surfsup.scene.pose import Pose
+from surfsup.scene.solids import MovingSolid, Solids
 from surfsup.sdf import Sphere
 from tests.scene.similar import similar_scene
 
@@ -19,7 +21,9 @@ def test_the_standard_radius_changes_nothing():
     start = scene.initial_particles(None)
     assert units.particles_to_solver(start) is start
     ball = Sphere(0.2)
-    assert units.surface_to_solver(ball) is ball and units.surface_from_solver(ball) is ball
+    assert units.surface_to_solver(ball) is ball
+    solids = Solids(ball)
+    assert units.solids_to_solver(solids) is solids
 
 
 @pytest.mark.parametrize("factor", FACTORS)
@@ -40,7 +44,8 @@ def test_similar_scenes_are_one_scene_in_the_units_of_the_solver(factor):
     assert converted.frame_time == pytest.approx(standard.frame_time)
     points = torch.rand(500, 3, generator=torch.Generator().manual_seed(1))
     expected = standard.build_surface().distance(points)
-    torch.testing.assert_close(converted.build_surface().distance(points), expected, rtol=1e-4, atol=1e-6)
+    solid = scene.units.surface_to_solver(scene.build_surface())
+    torch.testing.assert_close(solid.distance(points), expected, rtol=1e-4, atol=1e-6)
     own = scene.build_surface().distance(factor * points)
     torch.testing.assert_close(own, factor * expected, rtol=1e-4, atol=1e-6 * factor)
     start = scene.units.particles_to_solver(scene.initial_particles(scene.build_surface()))
@@ -51,9 +56,16 @@ def test_similar_scenes_are_one_scene_in_the_units_of_the_solver(factor):
 
 
 def test_a_surface_object_is_scaled_too():
-    scene = Scene(surface=Sphere(0.5), fluid=[Block((0, 0, 1), (1, 1, 2))], particle_radius=0.06)
-    surface = scene.units.scene_to_solver(scene).build_surface()
+    surface = Units(0.06).surface_to_solver(Sphere(0.5))
     assert surface.distance(torch.zeros(1, 3)).item() == pytest.approx(-0.125)
+
+
+def test_a_solid_moves_alike_in_both_units_from_the_time_at_which_the_scene_begins():
+    spin = Solids(None, (MovingSolid("paddle", Sphere(0.5), lambda time: Pose.of((4 * time, 0, 1))),))
+    (paddle,) = Units(0.06).solids_to_solver(spin, start_time=1.0).moving
+    np.testing.assert_allclose(paddle.pose(0.0).position, [1.0, 0, 0.25])
+    np.testing.assert_allclose(paddle.pose(0.5).position, [2.0, 0, 0.25])  # a second of the scene later
+    assert paddle.surface.distance(torch.zeros(1, 3)).item() == pytest.approx(-0.125)
 
 
 def test_frames_and_particles_return_to_the_units_of_the_scene():

@@ -10,7 +10,7 @@ from surfsup.sph.environment import Environment
 from surfsup.sph.fast_frames import MAX_PARTS, frame_parts
 from surfsup.sph.native_solver import NativeSolver
 from surfsup.sph.solver import DfsphSolver
-from surfsup.sph.state import FRAME_TIME, ParticleState
+from surfsup.sph.state import FRAME_TIME, FramePart, ParticleState
 
 
 def moving(speed: float, count: int = 200) -> torch.Tensor:
@@ -69,7 +69,7 @@ def test_the_parts_of_a_frame_of_free_fall_add_up_to_a_frame():
     state = ParticleState(torch.zeros(200, 3), moving(30.0))
     falling = state
     for _ in range(3):
-        falling = ParticleState(*falling.ballistic(gravity, parts=3))
+        falling = ParticleState(*falling.ballistic(gravity, FramePart(FRAME_TIME / 3)))
     torch.testing.assert_close(falling.velocities, state.velocities + FRAME_TIME * gravity)
     positions, _ = state.ballistic(gravity)
     # Semi-implicit steps of 1/3 ms lag less behind the parabola than those of 1 ms.

@@ -22,7 +22,7 @@ pytestmark = pytest.mark.skipif(not is_built(), reason="the package was built wi
 every_isa = pytest.mark.parametrize("isa", native.instruction_sets())
 CUP = (
     "difference: [{cylinder: {radius: 0.12, height: 0.24}, at: [0, 0, 0.12]},"
-    " {cylinder: {radius: %g, height: 0.24}, at: [0, 0, %g]}]"
+    " {cylinder: {radius: %g, height: 1}, at: [0, 0, %g]}]"
 )
 
 
@@ -131,7 +131,7 @@ def test_a_piston_pushes_a_pool_and_no_particle_enters_it():
 @pytest.mark.parametrize("wall", [PARTICLE_RADIUS, 0.002])
 def test_a_cup_keeps_its_water_when_carried_about(wall):
     simulation = simulation_of(
-        f"container: {{size: [2, 2, 2]}}\nsurfaces:\n  cup:\n    {CUP % (0.12 - wall, 0.12 + wall)}\n"
+        f"container: {{size: [2, 2, 2]}}\nsurfaces:\n  cup:\n    {CUP % (0.12 - wall, 0.5 + wall)}\n"
         "    at: [-0.5, 0, 0.2]\n    motion: {keyframes: [{time: 0.1}, {time: 0.8, position: [0, 0.3, 0.7]},"
         " {time: 1.4, position: [0.5, 0, 0.3]}, {time: 2, position: [0, 0, 0.3]}]}\n"
         "fluid: [{block: {min: [-0.6, -0.1, 0.22], max: [-0.4, 0.1, 0.36]}}]"
@@ -249,3 +249,30 @@ def test_a_closing_gap_squeezes_water_out_without_a_particle_inside():
             assert distances(simulation, frame, "press").min() > 0
             assert frame.positions[:, 2].min() > 0
     assert np.abs(frame.velocities).max() < 30 and SPACING > 0
+
+
+class TestAgainstMistakes:
+    TEXT = TestFromPython.TEXT
+
+    def test_a_state_of_before_a_solid_could_move_has_it_at_rest(self):
+        simulation = simulation_of(self.TEXT)
+        before = simulation.state
+        simulation.step()
+        simulation.set_pose("ball", (0.01, 0, 0.3))
+        simulation.reset(before)
+        np.testing.assert_allclose(simulation.frame.poses["ball"].position, (0, 0, 0.3))
+        np.testing.assert_allclose(simulation.step().poses["ball"].position, (0.01, 0, 0.3))
+
+    def test_a_motion_that_returns_no_pose_is_refused(self):
+        simulation = simulation_of(self.TEXT)
+        simulation.set_motion("ball", lambda time: (0, 0, 0.3))
+        with pytest.raises(InputError, match="the motion of 'ball' returned tuple, but must return a Pose"):
+            simulation.step()
+
+    def test_a_solid_too_large_for_a_map_is_refused(self):
+        simulation = simulation_of(
+            self.TEXT.replace("sphere: {radius: 0.1}", "box: {size: [20, 20, 1]}").replace("0.3", "-1")
+        )
+        simulation.set_pose("ball", (0, 0, -1))
+        with pytest.raises(InputError, match="surface 'ball' is 20 x 20 x 1 m large, too large"):
+            simulation.step()

@@ -118,6 +118,8 @@ class Windows:
             with Trajectory(path) as trajectory:
                 check_units(path, trajectory)
                 scene = trajectory.scene
+            if scene.moves:
+                raise InputError(f"{path}: has solids that move, which no learned simulator knows; leave it out")
             self._scenes.append(scene)
             self._environments.append(Environment.of(scene, scene.build_surface(), device))
 

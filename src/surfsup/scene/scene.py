@@ -172,12 +172,12 @@ class Scene(StrictModel):
             return values
         if values.get("surface") is not None:
             raise ValueError("give either surface or surfaces, not both")
-        for name in map(str, named):
-            if name in KINDS:
+        for name, entry in named.items():
+            if name in KINDS and isinstance(entry, dict) and not set(entry) & set(KINDS):
                 raise ValueError(
                     f"surfaces: '{name}' is a kind of surface, not a name; write surfaces: {{a-name: {{{name}: ...}}}}"
                 )
-            if not name.strip() or name == CONTAINER or "/" in name:
+            if not str(name).strip() or name == CONTAINER or "/" in str(name):
                 raise ValueError(f"surfaces: '{name}' cannot be the name of a surface; choose another")
         return values
 

@@ -84,15 +84,14 @@ class FrameMotion:
         )
         return replace(self, start=start, end=end, seconds=(last - first) * self.seconds)
 
-    def pieces(self, at_least: int = 1) -> list[FrameMotion]:
+    def pieces(self) -> list[FrameMotion]:
         """The motions of the pieces that the frame is computed in: one, or a multiple of the substeps of a frame.
 
         A piece is as short as makes every solid move at most a particle radius: so far water may miss it, and less
-        than the clearance of collision handling. Fast water needs ``at_least`` so many.
+        than the clearance of collision handling.
         """
         radii = max(self.displacements, default=0.0) / PARTICLE_RADIUS
         count = 1 if radii <= 1 else min(SUBSTEPS * math.ceil(radii / SUBSTEPS), MAX_PIECES)
-        count = max(count, at_least)
         if count == 1:
             return [self]
         parts = (self.part(number / count, (number + 1) / count) for number in range(count))

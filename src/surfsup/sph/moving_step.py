@@ -9,7 +9,6 @@ from surfsup.errors import InputError
 from surfsup.sph.collision import resolve_collisions
 from surfsup.sph.energy import limit_energy_gain
 from surfsup.sph.environment import Environment
-from surfsup.sph.fast_frames import frame_parts
 from surfsup.sph.native_solver import NativeSolver, can_step_native
 from surfsup.sph.state import SUBSTEPS, FramePart, ParticleState
 
@@ -25,15 +24,16 @@ def step_among_moving(
     """
     motion = environment.motion
     if motion is None:
-        raise ValueError("the environment of a scene with moving solids needs the motion of the frame: see at_frame")
+        raise InputError(
+            "the scene has solids that move, which this use of the solver does not know; omit their motion"
+        )
     if solver is None or not can_step_native(state, environment):
         raise InputError(
             "moving solids run in the C++ code only: on the CPU, in single precision, without gradients; "
             "use --device cpu, and see 'surfsup doctor' for what the C++ code needs"
         )
-    fast = frame_parts(state.velocities)
-    pieces = motion.pieces(at_least=fast)
-    substeps = SUBSTEPS if fast > 1 else max(1, SUBSTEPS // len(pieces))
+    pieces = motion.pieces()
+    substeps = max(1, SUBSTEPS // len(pieces))
     collided = torch.zeros(len(state.positions), dtype=torch.bool)
     for piece in pieces:
         part = FramePart(piece.seconds, substeps)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Mapping
 
+from surfsup.errors import InputError
 from surfsup.scene import PARTICLE_RADIUS, Scene
 from surfsup.scene.motion import PoseFunction
 from surfsup.scene.pose import Pose
@@ -47,10 +48,19 @@ class SceneMotion:
         return moved
 
     def next_poses(self, poses: Mapping[str, Pose], time: float) -> Mapping[str, Pose]:
-        """The poses at ``time`` in seconds of all that moves."""
+        """The poses at ``time`` in seconds of all that moves.
+
+        Raises:
+            InputError: a function that was set returned no pose.
+        """
         if not poses:
             return poses
-        return {**self.solids.poses(time), **{name: motion(time) for name, motion in self._overrides.items()}}
+        chosen = {name: motion(time) for name, motion in self._overrides.items()}
+        if wrong := [name for name, pose in chosen.items() if not isinstance(pose, Pose)]:
+            raise InputError(
+                f"the motion of '{wrong[0]}' returned {type(chosen[wrong[0]]).__name__}, but must return a Pose"
+            )
+        return {**self.solids.poses(time), **chosen}
 
 
 def warn_jumps(motion: FrameMotion, frame: int, units: Units) -> None:

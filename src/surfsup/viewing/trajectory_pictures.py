@@ -17,10 +17,12 @@ from surfsup.scene.solids import CONTAINER, build_solids
 from surfsup.viewing.label import label
 from surfsup.viewing.moving_mesh import MovingMesh, at_frame, bounds_of, container_corners
 from surfsup.viewing.renderer import FrameRenderer
+from surfsup.viewing.static_scene import FULL_LIGHT, MOVING_LIGHT, Light
 from surfsup.viewing.video import choose_frames, write_video
 from surfsup.viewing.web_player import write_web_player
 
 SOLID_RESOLUTION = 160  # cells of marching cubes
+MOVING_RESOLUTION = 96  # the same for solids that move, whose shadows every picture needs anew
 SINGLE_SIZE, PAIR_SIZE = (960, 720), (640, 480)  # pixels of a single picture and of each of two side by side
 
 Progress = Callable[[int, int], None]  # numbers of finished and of all frames
@@ -46,18 +48,21 @@ class TrajectoryRenderer:
     def __init__(self, trajectory: Trajectory, size: tuple[int, int] = SINGLE_SIZE) -> None:
         self._trajectory, self._size = trajectory, trajectory.scene.container.size
         self._still, self._moving = trajectory_meshes(trajectory)
-        first = at_frame(self._still, self._moving, 0)
+        first = None if trajectory.poses else self._still  # what moves is drawn anew for each frame
         bounds = bounds_of(self._still, self._moving)
         self._renderer = FrameRenderer(first, self._size, trajectory.radius, trajectory.positions[0], size, bounds)
         if trajectory.scene.container.open:
             self._renderer.omit_edges()
 
-    def render(self, frame: int, positions: np.ndarray | None = None) -> np.ndarray:
-        """The picture (height, width, 3) uint8 of a frame, with its own particles or those at ``positions`` (N, 3)."""
+    def render(self, frame: int, positions: np.ndarray | None = None, light: Light = MOVING_LIGHT) -> np.ndarray:
+        """The picture (height, width, 3) uint8 of a frame, with its own particles or those at ``positions`` (N, 3).
+
+        The ``light`` is that of a scene in which something moves; what stands still has shadows at their finest.
+        """
         poses = self._trajectory.poses
         if poses:
             solid = at_frame(self._still, self._moving, frame)
-            self._renderer.set_solid(solid, container_corners(self._size, poses, frame))
+            self._renderer.set_solid(solid, container_corners(self._size, poses, frame), light)
         return self._renderer.render(self._trajectory.positions[frame] if positions is None else positions)
 
     def close(self) -> None:
@@ -70,7 +75,7 @@ def trajectory_meshes(trajectory: Trajectory) -> tuple[trimesh.Trimesh | None, l
     solids = build_solids(trajectory.scene, list(trajectory.poses))
     still = None if solids.still is None else solids.still.to_mesh(SOLID_RESOLUTION)
     moving = [
-        MovingMesh(solid.surface.to_mesh(SOLID_RESOLUTION), trajectory.poses[solid.name]) for solid in solids.moving
+        MovingMesh(solid.surface.to_mesh(MOVING_RESOLUTION), trajectory.poses[solid.name]) for solid in solids.moving
     ]
     return still, moving
 
@@ -133,7 +138,7 @@ def write_frame_picture(file: Path, picture: Path, frame: int) -> Path:
         if frame >= len(trajectory):
             raise InputError(f"{file}: has the frames 0 to {len(trajectory) - 1}, not {frame}")
         renderer = TrajectoryRenderer(trajectory)
-        image = renderer.render(frame)
+        image = renderer.render(frame, light=FULL_LIGHT)
         renderer.close()
     with atomic_file(picture) as partial:
         Image.fromarray(image).save(partial, format="PNG")
