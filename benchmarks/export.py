@@ -91,7 +91,7 @@ def report(what: str, name: str, particles: int, runs: dict[int, dict[str, Any]]
     frames = max(runs)
     write_result(
         f"export_{what}_{name}",
-        f"Processor time to export {frames} frames of {particles:,} particles as {what} in {name}",
+        f"Processor time of an export of {frames} frames of {particles:,} particles: {what}, {name}",
         runs[frames]["processor_seconds"],
         "s",
         None,
