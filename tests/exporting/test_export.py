@@ -6,8 +6,10 @@ from contextlib import contextmanager
 import numpy as np
 import pytest
 import pyvista
+import trimesh
 
 from surfsup.errors import InputError
+from surfsup.exporting import formats
 from surfsup.exporting.export import export
 from surfsup.io.trajectory import Trajectory
 from surfsup.scene import Scene
@@ -83,6 +85,34 @@ def test_bad_input_is_one_line_and_leaves_nothing(options, message, trajectory, 
         export(**{"trajectory": trajectory, "format": "npz", "out": out, **options})
     assert "\n" not in str(error.value)
     assert not out.exists()
+
+
+def test_a_missing_package_is_named_with_the_command_that_installs_it(trajectory, tmp_path, monkeypatch):
+    monkeypatch.setattr(formats, "find_spec", lambda module: None)
+    for name in ("usd", "blender"):
+        with pytest.raises(InputError, match=r"pip install 'surfsup\[export\]'"):
+            export(trajectory, name, tmp_path / "out")
+    assert names(tmp_path) == []
+
+
+def test_a_folder_that_cannot_be_written_is_refused(trajectory, tmp_path):
+    (tmp_path / "file").touch()
+    with pytest.raises(InputError, match="cannot be used as the output folder"):
+        export(trajectory, "npz", tmp_path / "file")
+
+
+def test_a_mesh_that_is_gone_is_missed_only_where_it_is_needed(tmp_path):
+    trimesh.creation.icosphere(1, 0.2).export(tmp_path / "ball.stl")
+    (tmp_path / "scene.yaml").write_text(
+        "surface: {mesh: {file: ball.stl}, at: [0, 0, 0.2]}\n"
+        "fluid: [{block: {min: [-0.1, -0.1, 0.5], max: [0.1, 0.1, 0.6]}}]\nframes: 9"
+    )
+    Simulation(Scene.load(tmp_path / "scene.yaml"), device="cpu").record(tmp_path / "water.h5")
+    (tmp_path / "ball.stl").unlink()
+    with pytest.warns(UserWarning, match="particles between two frames may enter the solid, which is missing"):
+        assert export(tmp_path / "water.h5", "npz", tmp_path / "out").frames == 1
+    with pytest.raises(InputError, match=r"ball.stl"):
+        export(tmp_path / "water.h5", "obj", tmp_path / "out", what="solid")
 
 
 def test_an_older_export_stays_unless_it_may_be_overwritten(trajectory, tmp_path):

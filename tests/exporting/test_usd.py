@@ -109,3 +109,13 @@ def test_a_full_disk_leaves_no_incomplete_file(trajectory, tmp_path):
     with no_file_above(20_000), pytest.raises(InputError, match=r"water.usdc: cannot be written"):
         export(trajectory, "usd", tmp_path, fps=200, what="particles")
     assert names(tmp_path) == []
+
+
+def test_an_interrupt_leaves_no_incomplete_file_and_a_later_export_succeeds(trajectory, tmp_path):
+    def interrupt(done, total):
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        export(trajectory, "usd", tmp_path, fps=10, what="particles", progress=interrupt)
+    assert names(tmp_path) == []
+    assert export(trajectory, "usd", tmp_path, fps=10, what="particles").frames == 4

@@ -17,15 +17,20 @@ FOLDER = Path(__file__).resolve().parent
 FPS = 24.0  # frames per second of water.usdc
 
 
+def shader(owner: bpy.types.Material | bpy.types.World, kind: str) -> bpy.types.ShaderNode:
+    """The shader of a new material or world."""
+    if owner.node_tree is None:  # before Blender 5
+        owner.use_nodes = True
+    return next(node for node in owner.node_tree.nodes if node.type == kind)
+
+
 def material(name: str, color: tuple[float, float, float], **inputs: float) -> bpy.types.Material:
     """A new material with the given inputs of the principled shader."""
     made = bpy.data.materials.new(name)
-    if made.node_tree is None:  # before Blender 5
-        made.use_nodes = True
-    shader = next(node for node in made.node_tree.nodes if node.type == "BSDF_PRINCIPLED")
-    shader.inputs["Base Color"].default_value = (*color, 1.0)
+    node = shader(made, "BSDF_PRINCIPLED")
+    node.inputs["Base Color"].default_value = (*color, 1.0)
     for key, value in inputs.items():
-        shader.inputs[key.replace("_", " ")].default_value = value
+        node.inputs[key.replace("_", " ")].default_value = value
     return made
 
 
@@ -36,9 +41,9 @@ def main() -> None:
     scene.render.fps = max(1, round(FPS))  # an integer; its base is a number
     scene.render.fps_base = scene.render.fps / FPS
     bpy.ops.wm.usd_import(filepath=str(FOLDER / "water.usdc"), set_frame_range=True)
-    water = material("Water", (0.75, 0.9, 1.0), Roughness=0.02, IOR=1.333, Transmission_Weight=1.0)
+    water = material("Water", (0.6, 0.85, 1.0), Roughness=0.02, IOR=1.333, Transmission_Weight=1.0)
     drops = material("Drops", (0.1, 0.35, 0.7), Roughness=0.2)
-    solid = material("Solid", (0.6, 0.6, 0.6), Roughness=0.6)
+    solid = material("Solid", (0.55, 0.5, 0.45), Roughness=0.6)
     for name, chosen in {"Surface": water, "Particles": drops, "Solid": solid}.items():
         if name in objects:
             objects[name].data.materials.clear()
@@ -47,15 +52,18 @@ def main() -> None:
         objects["Particles"].hide_render = True
         objects["Particles"].hide_set(True)
 
+    bpy.ops.mesh.primitive_plane_add(size=20.0)  # the floor
+    bpy.context.object.data.materials.append(material("Floor", (0.25, 0.25, 0.27), Roughness=0.9))
     lamp = objects.new("Sun", bpy.data.lights.new("Sun", "SUN"))
-    lamp.data.energy, lamp.data.angle, lamp.rotation_euler = 4.0, 0.1, (0.6, 0.2, 0.5)
+    lamp.data.energy, lamp.data.angle, lamp.rotation_euler = 3.0, 0.1, (0.6, 0.2, 0.5)
     camera = objects.new("Camera", bpy.data.cameras.new("Camera"))
-    camera.location, camera.rotation_euler = (1.5, -2.1, 1.5), (1.12, 0.0, 0.62)
+    camera.location, camera.rotation_euler, camera.data.lens = (1.5, -2.1, 1.5), (1.12, 0.0, 0.62), 60.0
     for made in (lamp, camera):
         scene.collection.objects.link(made)
     scene.camera = camera
     scene.world = bpy.data.worlds.new("World")
-    scene.world.color = (0.8, 0.85, 0.9)
+    sky = shader(scene.world, "BACKGROUND").inputs
+    sky["Color"].default_value, sky["Strength"].default_value = (0.7, 0.85, 1.0, 1.0), 0.5
     scene.render.engine = "CYCLES"
     scene.render.use_motion_blur = True
     if bpy.app.background:

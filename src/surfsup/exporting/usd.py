@@ -89,12 +89,13 @@ class UsdWriter:
             self._stage.SetStartTimeCode(1)
             self._stage.SetEndTimeCode(frames)
         self._write()
-        del self._stage  # closes the file
+        self._stage = None  # closes the file
         self._partial.replace(self._path)
         return [self._path]
 
     def close(self) -> None:
         """Remove an incomplete file."""
+        self._stage = None
         self._partial.unlink(missing_ok=True)
 
     def _next(self, name: str) -> int:
