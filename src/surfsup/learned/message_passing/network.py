@@ -40,8 +40,9 @@ class MessagePassingStep(nn.Module):
         self, nodes: Tensor, edges: Tensor, graph: EdgeGraph, update_edges: bool
     ) -> tuple[Tensor, Tensor]:
         """:meth:`forward` in C++, in the precision of the edges."""
-        endpoints, edge_weight = self.first_edge_layer(nodes, edges.dtype)
-        weights, epsilon = self.edge_mlp.native_weights(edge_weight.float(), None), self.edge_mlp.norm.eps
+        endpoints, _ = self.first_edge_layer(nodes, edges.dtype)
+        edge_weight = self.edge_mlp.hidden_1.weight[:, : nodes.shape[1]]
+        weights, epsilon = self.edge_mlp.native_weights(edge_weight, None), self.edge_mlp.norm.eps
         received, new_edges = apply_to_edges(endpoints, edges, weights, epsilon, graph, update_edges)
         update = self.node_mlp.forward_native(torch.cat([nodes, received], dim=-1), edges.dtype, edges.dtype)
         return nodes + update, edges if new_edges is None else new_edges
