@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from surfsup.errors import InputError, SimulationError
     from surfsup.evaluation.pair import evaluate_pair as evaluate
     from surfsup.io.trajectory import Trajectory
-    from surfsup.scene import Block, Container, Scene, load_mesh
+    from surfsup.scene import Block, Container, Fill, ParticleFile, Scene, load_mesh
     from surfsup.sdf import (
         Bowl,
         Box,
@@ -43,7 +43,7 @@ _MODULES = {
     "InputError": "errors",
     "SimulationError": "errors",
     "Trajectory": "io.trajectory",
-    **dict.fromkeys(("Block", "Container", "Scene", "load_mesh"), "scene"),
+    **dict.fromkeys(("Block", "Container", "Fill", "ParticleFile", "Scene", "load_mesh"), "scene"),
     **dict.fromkeys(("Bowl", "Box", "CappedCone", "Cylinder", "Difference", "Funnel", "Heightfield"), "sdf"),
     **dict.fromkeys(("Intersection", "Sphere", "Surface", "Torus", "Transformed", "Union"), "sdf"),
     **dict.fromkeys(("Frame", "Simulation", "SimulationState"), "simulation"),
@@ -57,11 +57,13 @@ __all__ = [
     "Container",
     "Cylinder",
     "Difference",
+    "Fill",
     "Frame",
     "Funnel",
     "Heightfield",
     "InputError",
     "Intersection",
+    "ParticleFile",
     "Scene",
     "Simulation",
     "SimulationError",
