@@ -9,7 +9,7 @@ class InputError(ValueError):
 
     Examples:
         >>> import surfsup as sf
-        >>> sf.Block((0, 0, 0), (0.1, 0.1, 0.0))
+        >>> sf.Scene(fluid=[sf.Block((0, 0, 0), (0.1, 0.1, 0.0))])
         Traceback (most recent call last):
         surfsup.errors.InputError: ...
     """

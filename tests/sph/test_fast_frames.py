@@ -18,9 +18,9 @@ def moving(speed: float, count: int = 200) -> torch.Tensor:
 
 
 @pytest.mark.parametrize(
-    ("speed", "parts"), [(0.0, 1), (11.9, 1), (12.1, 3), (23.9, 4), (25.0, 5), (1e4, MAX_PARTS), (float("nan"), 1)]
+    ("speed", "parts"), [(0.0, 1), (14.9, 1), (15.1, 3), (23.9, 4), (25.0, 5), (1e4, MAX_PARTS), (float("nan"), 1)]
 )
-def test_faster_water_than_two_fifths_of_a_spacing_a_substep_crosses_a_fifth(speed, parts):
+def test_water_that_crosses_half_a_spacing_in_a_substep_then_crosses_a_fifth(speed, parts):
     assert frame_parts(moving(speed)) == parts
 
 

@@ -39,6 +39,21 @@ def test_other_water_waits_until_the_cup_is_at_rest():
     assert start.block_velocities == [(0.1, 0.0, 0.0), (0.0, 0.0, -1.0)]
 
 
+def test_small_water_settles_like_large_water():
+    text = (
+        "container: {{size: [{0}, {0}, {0}]}}\nparticle_radius: {1}\n"
+        "surface: {{bowl: {{capture_radius: {2}, wall: {3}}}, at: [0, 0, {4}]}}\n"
+        "fluid: [{{fill: {{below: {5}, settle: true, velocity: [0.1, 0, 0]}}}}]"
+    )
+    scenes = [
+        Scene.from_yaml(text.format(*(s * length for length in (1.0, 0.015, 0.14, 0.04, 0.2, 0.19))), "cup")
+        for s in (1.0, 0.25)
+    ]
+    large, small = (start_of(scene, scene.build_surface()) for scene in scenes)
+    assert small.block_velocities == [(0.1, 0.0, 0.0)]
+    assert small.positions[:, 2].mean() == pytest.approx(large.positions[:, 2].mean() / 4, abs=1e-5)
+
+
 def test_water_that_overlaps_settled_water_is_left_out():
     scene = scene_of(Fill(below=0.19, settle=True), Block((-0.06, -0.06, 0.17), (0.06, 0.06, 0.4)))
     start = start_of(scene, scene.build_surface())

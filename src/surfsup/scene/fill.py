@@ -31,6 +31,16 @@ class Fill(StrictModel):
         seed: a point of the hollow to fill; None fills all hollows that hold water.
         velocity: initial velocity in m/s.
         settle: whether the water comes to rest before the scene begins.
+
+    Examples:
+        >>> import surfsup as sf
+        >>> bowl = sf.Transformed(sf.Bowl(0.3), translation=(0, 0, 0.36))
+        >>> scene = sf.Scene(surface=bowl, fluid=[Fill(below=0.3)])
+        >>> round(float(scene.initial_particles(bowl).positions[:, 2].max()), 3)
+        0.285
+        >>> drop = Fill(surface={"sphere": {"radius": 0.1}, "at": (0, 0, 1)}, velocity=(0, 0, -1))
+        >>> len(sf.Scene(fluid=[drop]).initial_particles(None).positions)
+        159
     """
 
     surface: Shape | None = None

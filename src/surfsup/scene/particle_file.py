@@ -25,6 +25,12 @@ class ParticleFile(StrictModel):
         frame: of a trajectory; by default the last one.
         velocity: in m/s, of all particles; None for the velocities of the file, or rest.
         settle: whether the water comes to rest before the scene begins.
+
+    Examples:
+        >>> import numpy as np, surfsup as sf
+        >>> np.save("water.npy", [[0, 0, 1.00], [0, 0, 1.03]])
+        >>> len(sf.Scene(fluid=[ParticleFile(file="water.npy")]).initial_particles(None).positions)
+        2
     """
 
     file: Path

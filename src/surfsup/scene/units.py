@@ -10,7 +10,6 @@ simulated at the size at which they have 15 mm, with s = r / 15 mm, and its fram
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -127,21 +126,11 @@ class Units:
         """The particles of a scene in the units of the solver."""
         if self.same:
             return start
-        return replace(
-            start,
-            block_positions=scaled(start.block_positions, 1 / self.length),
-            block_velocities=scaled(start.block_velocities, 1 / self.velocity),
-        )
+        return scaled(start, 1 / self.length, 1 / self.velocity)
 
     def particles_from_solver(self, start: InitialParticles) -> InitialParticles:
         """Particles in the units of the solver as those of a scene; the inverse of :meth:`particles_to_solver`."""
-        if self.same:
-            return start
-        return replace(
-            start,
-            block_positions=scaled(start.block_positions, self.length),
-            block_velocities=scaled(start.block_velocities, self.velocity),
-        )
+        return start if self.same else scaled(start, self.length, self.velocity)
 
     def frame_to_solver(self, positions: np.ndarray, velocities: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Positions and velocities (N, 3) of a frame of the scene in the units of the solver."""
@@ -156,6 +145,18 @@ class Units:
         return np.float32(self.length) * positions, np.float32(self.velocity) * velocities
 
 
-def scaled(blocks: Sequence[np.ndarray | Vector], factor: float) -> list[np.ndarray]:
-    """Each array times ``factor``, in single precision."""
-    return [(np.asarray(values, np.float64) * factor).astype(np.float32) for values in blocks]
+def scaled(start: InitialParticles, length: float, velocity: float) -> InitialParticles:
+    """Particles with all positions times ``length`` and all velocities times ``velocity``, in single precision."""
+
+    def times(values: np.ndarray, factor: float) -> np.ndarray:
+        return (np.asarray(values, np.float64) * factor).astype(np.float32)
+
+    velocities: list[Vector | np.ndarray] = []
+    for given in start.block_velocities:
+        if isinstance(given, np.ndarray):
+            velocities.append(times(given, velocity))
+        else:
+            x, y, z = given
+            velocities.append((velocity * x, velocity * y, velocity * z))
+    positions = [times(block, length) for block in start.block_positions]
+    return replace(start, block_positions=positions, block_velocities=velocities)

@@ -1,11 +1,11 @@
 """More substeps in frames in which the water is fast for its particles.
 
-Substeps of 1 ms suffice up to 12 m/s, in the units of the solver: a particle then crosses at most 0.4 of a spacing in a
-substep, the limit that SPlisHSPlasH uses (J. J. Monaghan, "Smoothed particle hydrodynamics", Annual Review of Astronomy
-and Astrophysics 30, 1992). Faster water is compressed where it strikes, to three times its density at 25 m/s (measured,
-docs/log.md). Its frames are cut into equal parts, each with its own neighbor search and five substeps, in which a
-particle crosses at most 0.2 of a spacing; with 0.28 the density still reached 1.8 times. A few fast particles in a
-splash do not count, so the frames of ordinary scenes are what they always were.
+Substeps of 1 ms suffice up to some 12 m/s, in the units of the solver: a particle then crosses at most 0.4 of a spacing
+in a substep, the limit that SPlisHSPlasH uses (J. J. Monaghan, "Smoothed particle hydrodynamics", Annual Review of
+Astronomy and Astrophysics 30, 1992). Faster water is compressed where it strikes: at 15 m/s to 1.3, at 25 m/s to three
+times its density (measured, docs/log.md). From 15 m/s on a frame is cut into equal parts, each with its own neighbor
+search and five substeps, in which a particle crosses at most 0.2 of a spacing; with 0.28 the density still reached 1.8.
+A few fast particles in a splash do not count, so the frames of ordinary scenes are what they always were.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from torch import Tensor
 from surfsup.scene import SPACING
 from surfsup.sph.state import SUBSTEP_TIME
 
-LIMIT, TARGET = 0.4, 0.2  # spacings that fast particles cross in a substep: before a frame is cut, and after it
+LIMIT, TARGET = 0.5, 0.2  # spacings that fast particles cross in a substep: before a frame is cut, and after it
 FAST_SHARE = 0.01  # of the particles that must be faster
 MAX_PARTS = 32
 
