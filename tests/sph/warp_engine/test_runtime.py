@@ -9,13 +9,8 @@ import torch
 import warp as wp
 
 from surfsup.errors import SimulationError
-from surfsup.sph.warp_engine.kernels.adjoint import adjoint_kernels
-from surfsup.sph.warp_engine.kernels.boundary import boundary_kernels
-from surfsup.sph.warp_engine.kernels.search import search_kernels
-from surfsup.sph.warp_engine.kernels.substeps import substep_kernels
-from surfsup.sph.warp_engine.kernels.transfer import transfer_kernels
 from surfsup.sph.warp_engine.runtime import launch_error, load_kernels, memory_errors, precision_of, start
-from surfsup.sph.warp_engine.solver import bytes_per_particle
+from surfsup.sph.warp_engine.solver import FACTORIES, bytes_per_particle
 
 FRAME = """
 import torch
@@ -92,7 +87,7 @@ def test_all_kernels_compile_for_gpus(architecture, dtype, tmp_path):
     start("cpu")
     precision = precision_of(dtype)
     modules = {}
-    for factory in (search_kernels, transfer_kernels, boundary_kernels, substep_kernels, adjoint_kernels):
+    for factory in FACTORIES:
         for kernel in factory(precision).kernels:
             modules[kernel.module.name] = kernel.module
     for module in modules.values():

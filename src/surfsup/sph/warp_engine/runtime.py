@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import sys
 import tempfile
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass
 from functools import cache
@@ -139,6 +139,37 @@ def on_stream(device: torch.device) -> AbstractContextManager[Any]:
     if device.type != "cuda":
         return nullcontext()
     return wp.ScopedStream(wp.stream_from_torch(torch.cuda.current_stream(device)))
+
+
+def load_for(factory: Callable[[Precision], Any], like: Tensor) -> None:
+    """Have the kernels of a group for the precision and device of a tensor.
+
+    Raises:
+        SimulationError: see :func:`start` and :func:`load_kernels`.
+    """
+    load_group(factory, like.dtype, str(like.device))
+
+
+@cache
+def load_group(factory: Callable[[Precision], Any], dtype: torch.dtype, device: str) -> None:
+    """As :func:`load_for`, once for each group, precision and device."""
+    start(device)
+    load_kernels(factory(precision_of(dtype)).kernels, device)
+
+
+def warp_device(device: torch.device) -> Any:
+    """Warp's device of torch's."""
+    return wp.get_device(str(device))
+
+
+def empty_like(tensor: Tensor) -> Tensor:
+    """An uninitialized tensor that a kernel can write: contiguous, without a gradient."""
+    return torch.empty_like(tensor, memory_format=torch.contiguous_format, requires_grad=False)
+
+
+def copy_of(tensor: Tensor) -> Tensor:
+    """A copy that a kernel can write: contiguous."""
+    return tensor.clone(memory_format=torch.contiguous_format)
 
 
 def to_warp(tensor: Tensor | None, dtype: type) -> Any:

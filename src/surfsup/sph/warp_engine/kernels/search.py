@@ -70,6 +70,7 @@ def search_kernels(precision: Precision) -> SimpleNamespace:
         capacity: int,
         neighbors: wp.array2d(dtype=int),
         counts: wp.array(dtype=int),
+        found_counts: wp.array(dtype=int),
     ):
         i = wp.tid()
         own = middles[i]
@@ -88,11 +89,31 @@ def search_kernels(precision: Precision) -> SimpleNamespace:
                         if found < capacity:
                             neighbors[i, found] = j
                         found += 1
-        counts[i] = found
+        counts[i] = wp.min(found, capacity)
+        found_counts[i] = found
+
+    @wp.kernel(module=module, enable_backward=False)
+    def summarize_search(
+        found_counts: wp.array(dtype=int),
+        infinite: wp.array(dtype=int),
+        parts: int,
+        summary: wp.array(dtype=wp.int64),
+    ):
+        """Pairs, most neighbors of a particle, and whether a position is not finite. Integers add up in any order."""
+        part = wp.tid()
+        pairs, most = wp.int64(0), wp.int64(0)
+        for i in range(part, found_counts.shape[0], parts):
+            pairs += wp.int64(found_counts[i])
+            most = wp.max(most, wp.int64(found_counts[i]))
+        wp.atomic_add(summary, 0, pairs)
+        wp.atomic_max(summary, 1, most)
+        if part == 0:
+            summary[2] = wp.int64(infinite[0])
 
     return SimpleNamespace(
-        kernels=[assign_cells, sort_positions, list_neighbors],
+        kernels=[assign_cells, sort_positions, list_neighbors, summarize_search],
         assign_cells=assign_cells,
         sort_positions=sort_positions,
         list_neighbors=list_neighbors,
+        summarize_search=summarize_search,
     )
