@@ -1,13 +1,14 @@
 """What a GPU needs of a frame: the host does not wait within it, and its launches can be recorded and replayed."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 import torch
 import warp as wp
 
-from surfsup.sdf import Sphere, Transformed
-from surfsup.sph.environment import Environment
+from surfsup.sdf import Sphere, Transformed, load_siren
+from surfsup.sph.environment import Environment, surface_on
 from surfsup.sph.solver import DfsphSolver
 from surfsup.sph.state import ParticleState
 from surfsup.sph.warp_engine.solver import Room, WarpSolver
@@ -58,6 +59,22 @@ def test_the_host_waits_at_the_end_of_a_frame_alone(with_map, reads_at_the_end):
         torch.testing.assert_close(found[0].cpu(), expected[0], atol=1e-6, rtol=0)
     assert reads_at_the_end["within"] == []
     assert len(reads_at_the_end["at the end"]) == 2
+
+
+def test_the_host_does_not_wait_for_a_network_either(reads_at_the_end):
+    state = impact(torch.float32)
+    surface = Transformed(load_siren(Path("coral")), None, (0.0, 0.0, 0.3), 0.4)
+    with torch.no_grad():
+        expected = WarpSolver().step(state, environment_of(surface))
+        with simulated_gpu() as gpu:
+            on_gpu = replace(environment_of(surface), surface=surface_on(surface, gpu))
+            there, environment = on(gpu, state, on_gpu)
+            solver = WarpSolver()
+            solver.step(there, environment)
+            reads_at_the_end["within"].clear()
+            found = solver.step(there, environment)
+            torch.testing.assert_close(found[0].cpu(), expected[0], atol=1e-6, rtol=0)
+    assert reads_at_the_end["within"] == []
 
 
 def test_the_host_waits_at_the_end_of_a_frame_with_gradients_alone(reads_at_the_end):

@@ -12,6 +12,7 @@ import warp as wp
 from torch import Tensor
 from torch.autograd.function import once_differentiable
 
+from surfsup.sdf import MeshSurface, Surface
 from surfsup.sph.clearance import ROUNDS, CollisionResult, LastQuery
 from surfsup.sph.environment import Environment
 from surfsup.sph.warp_engine import runtime
@@ -24,8 +25,8 @@ MIN_ROWS, ROW_SHARE = 1024, 4  # a GPU's list has room for this many particles, 
 class NearList:
     """Particles that may be too close to the solid, listed on the device.
 
-    On a CPU its rows in use are counted, and only they are computed. A GPU computes all rows, so that the host need
-    not know how many are in use.
+    Where its rows in use are counted, only they are computed. A GPU computes all rows, so that the host need not know
+    how many are in use.
 
     Args:
         rows: rows for which there is room.
@@ -55,13 +56,20 @@ class NearList:
         return int(runtime.to_torch(self.length).cpu())
 
 
-def near_list(particles: int, device: torch.device, rows: int | None = None) -> NearList:
-    """A list for some of the ``particles``: for all of them on a CPU, for a share of them on a GPU unless ``rows``."""
+def near_list(like: Tensor, surface: Surface, rows: int | None = None) -> NearList:
+    """A list for particles like these (N, 3): counted on a CPU and for a mesh, which is queried there anyway.
+
+    Args:
+        like: the particles.
+        surface: the solid.
+        rows: of a list that is not counted; by default a share of the particles.
+    """
+    count, device = len(like), runtime.warp_device(like.device)
     if rows is not None:
-        return NearList(min(rows, particles), runtime.warp_device(device), counted=False)
-    if device.type == "cpu":
-        return NearList(particles, runtime.warp_device(device), counted=True)
-    return NearList(min(particles, max(MIN_ROWS, particles // ROW_SHARE)), runtime.warp_device(device), counted=False)
+        return NearList(min(rows, count), device, counted=False)
+    if like.device.type == "cpu" or any(isinstance(part, MeshSurface) for part in surface.modules()):
+        return NearList(count, device, counted=True)
+    return NearList(min(count, max(MIN_ROWS, count // ROW_SHARE)), device, counted=False)
 
 
 class Collisions:
@@ -280,8 +288,10 @@ def resolve_collisions(
         collisions = Collisions(environment, positions)
         rows = None
         while True:
-            near = near_list(len(positions), positions.device, rows)
             contained = Contained.apply(collisions, positions, velocities)
+            if environment.surface is None:
+                return CollisionResult(*contained)
+            near = near_list(positions, environment.surface, rows)
             result = leave_solid(collisions, before, contained, environment, last, near)
             if near.counted or near.rows_in_use() <= near.rows:
                 return result

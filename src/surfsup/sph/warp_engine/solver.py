@@ -40,7 +40,7 @@ FACTORIES = (
     collision_kernels,
 )
 INDEX_BYTES = 4
-NUMBERS, GRADIENT_NUMBERS = 70, 190  # of a particle within a frame, without and with what its gradient reads
+NUMBERS, GRADIENT_NUMBERS = 100, 260  # of a particle within a frame, without and with what its gradient reads
 
 
 class Room:
@@ -99,7 +99,9 @@ class WarpSolver:
         needed = bytes_per_particle(state.positions.dtype, with_gradient)
         with runtime.memory_errors(count, needed, device), runtime.on_stream(device):
             while True:
-                near = near_list(count, device, self.room.rows) if handle_collisions and environment.surface else None
+                near = None
+                if handle_collisions and environment.surface is not None:
+                    near = near_list(state.positions, environment.surface, self.room.rows)
                 if boundary.solid == PLANE or with_gradient:
                     frame, result = self._step_by_operations(
                         state, environment, boundary, near, handle_collisions, with_gradient
