@@ -16,6 +16,7 @@ from surfsup.sph.environment import Environment
 from surfsup.sph.kernels import KERNEL_SUPPORT
 from surfsup.sph.solver import DfsphSolver
 from surfsup.sph.state import ParticleState
+from surfsup.sph.warp_engine import neighbors
 from surfsup.sph.warp_engine.solver import WarpSolver
 from tests.sph.warp_engine import dense_solver
 
@@ -191,6 +192,16 @@ def test_no_particle_stays_no_particle():
     in_warp.native = None
     assert in_warp.observe(empty, environment_of(BALL)).positions.shape == (0, 3)
     assert in_warp.step(empty, environment_of(BALL))[0].positions.shape == (0, 3)
+
+
+@pytest.mark.parametrize("grid", [(4, 16, 4), neighbors.LARGE_GRID])
+def test_the_grid_of_the_search_does_not_matter(grid, monkeypatch):
+    state, environment = splash(400), environment_of(None, dtype=torch.float64)
+    state = ParticleState(state.positions * torch.tensor([3.0, 3.0, 1.0]), state.velocities)
+    expected, _ = advanced(state, environment)
+    monkeypatch.setattr(neighbors, "SMALL_GRID", grid)
+    found, _ = advanced(state, environment)
+    torch.testing.assert_close(found, expected, atol=1e-12, rtol=0)
 
 
 @pytest.mark.parametrize("with_map", [True, False])

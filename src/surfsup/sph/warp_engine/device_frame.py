@@ -18,8 +18,9 @@ from surfsup.sph.warp_engine.kernels.transfer import transfer_kernels
 class DeviceFrame:
     """Ballistic motion, pressure solve, energy limiter and the container's walls, on arrays that stay in place.
 
-    The launches of a frame are the same every time, so they are recorded in the first: on a GPU as a CUDA graph, on a
-    CPU as a list of calls without Python. Nothing here waits for the device.
+    The launches of a frame are the same every time, so they are recorded in the second: on a GPU as a CUDA graph, on a
+    CPU as a list of calls without Python. The first is not recorded, because the sort makes its room then. Nothing here
+    waits for the device.
 
     Args:
         state: particles, at least one, whose number, precision and device all frames have.
@@ -42,6 +43,7 @@ class DeviceFrame:
         self.collided = torch.empty(count, dtype=torch.bool, device=state.positions.device)
         self.predicted = self.frame.vectors()
         self.graph: wp.Graph | None = None
+        self.runs = 0
 
     def serves(self, state: ParticleState, boundary: Boundary, capacity: int) -> bool:
         """Whether these particles can be advanced with these arrays."""
@@ -58,11 +60,15 @@ class DeviceFrame:
         """
         for target, value in zip(self.before, (state.positions, state.velocities), strict=True):
             target.copy_(value)
-        if self.graph is None:
-            with wp.ScopedCapture(device=self.frame.device) as capture:
-                self.launch()
-            self.graph = capture.graph
-        wp.capture_launch(self.graph)
+        if self.runs == 0:
+            self.launch()
+        else:
+            if self.graph is None:
+                with runtime.recording(self.frame.device) as capture:
+                    self.launch()
+                self.graph = capture.graph
+            wp.capture_launch(self.graph)
+        self.runs += 1
         if handle_collisions:
             return self.contained[0].clone(), self.contained[1].clone(), self.collided.clone()
         return self.after[0].clone(), self.after[1].clone(), torch.zeros_like(self.collided)

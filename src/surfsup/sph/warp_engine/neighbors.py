@@ -15,7 +15,8 @@ from surfsup.sph.warp_engine import runtime
 from surfsup.sph.warp_engine.kernels.search import search_kernels
 from surfsup.sph.warp_engine.runtime import Precision
 
-SMALL_GRID, LARGE_GRID = 32, 128  # cells along each side of the hash grid; powers of two
+# Cells in a row along x, rows, and rows from one layer to the next. The first two are powers of two.
+SMALL_GRID, LARGE_GRID = (32, 1024, 32), (256, 16384, 641)
 LARGE_COUNT = 500_000  # particles from which the large grid is used
 CAPACITY = 64  # neighbors of a particle for which there is room at first; water has 34
 PARTS = 4096  # threads that sum up the search
@@ -41,11 +42,12 @@ class NeighborSearch:
 
     def __init__(self, count: int, capacity: int, precision: Precision, device: Any) -> None:
         self.count, self.capacity, self.kernels, self.device = count, capacity, search_kernels(precision), device
-        self.side = SMALL_GRID if count < LARGE_COUNT else LARGE_GRID
+        cells_in_row, rows, layer = SMALL_GRID if count < LARGE_COUNT else LARGE_GRID
+        self.grid = wp.vec3i(cells_in_row, rows, layer)
         # The sort needs twice the room.
         self.cells, self.sorted = (wp.empty(2 * count, dtype=int, device=device) for _ in range(2))
         self.order = self.sorted[:count] if count else self.sorted
-        self.starts = wp.empty(self.side**3 + 1, dtype=int, device=device)
+        self.starts = wp.empty(cells_in_row * rows + 1, dtype=int, device=device)
         self.infinite = wp.empty(1, dtype=int, device=device)
         self.middles = wp.empty(count, dtype=precision.vec3, device=device)
         self.neighbors = empty_table(count, capacity, int, device)
@@ -60,7 +62,7 @@ class NeighborSearch:
         self._launch(
             kernels.assign_cells,
             count,
-            [positions, predicted, self.side],
+            [positions, predicted, self.grid],
             [self.cells, self.sorted, self.starts, self.infinite],
         )
         wp.utils.radix_sort_pairs(self.cells, self.sorted, count)
@@ -69,7 +71,7 @@ class NeighborSearch:
         self._launch(
             kernels.list_neighbors,
             count,
-            [self.middles, self.starts, self.side, self.capacity],
+            [self.middles, self.starts, self.grid, self.capacity],
             [self.neighbors, self.counts, self.found],
         )
         parts = min(count, PARTS)

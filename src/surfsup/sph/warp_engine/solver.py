@@ -77,6 +77,11 @@ class WarpSolver:
         self._device_frame: DeviceFrame | None = None
         self.room = Room()
 
+    @property
+    def pairs(self) -> int:
+        """Neighbor pairs of the last frame without gradients. Waits for the device."""
+        return 0 if self._device_frame is None else int(runtime.to_torch(self._device_frame.frame.search.summary)[0])
+
     def __reduce__(self) -> tuple[type[WarpSolver], tuple[()]]:
         return WarpSolver, ()
 
