@@ -157,7 +157,7 @@ class Lost(torch.autograd.Function):
 
 
 @pytest.mark.parametrize("frame", range(1, 11))
-def test_a_gradient_that_is_not_finite_is_told_with_its_frame(frame):
+def test_a_gradient_that_is_not_finite_is_reported_with_its_frame(frame):
     positions = torch.tensor([[0.0, 0.0, 0.9], [0.4, 0.4, 1.4]], requires_grad=True)
     start, environment = falling(positions, 2.0), make_environment(None)
     with torch.no_grad():

@@ -249,7 +249,7 @@ def leave_solid(
         contained: positions and velocities (N, 3), and which (N,) the walls moved.
         environment: container and solid.
         last: an earlier query of the solid; None for none.
-        near: an empty list; afterwards it tells whether it had room.
+        near: an empty list; afterwards it shows whether it had room.
     """
     positions, velocities, collided = contained
     if environment.surface is None:

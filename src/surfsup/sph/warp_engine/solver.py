@@ -56,7 +56,7 @@ class Room:
         self.rows: int | None = None
 
     def was_enough(self, frame: Frame, near: NearList | None = None) -> bool:
-        """Whether a frame had enough room; if not, it is to be repeated. Waits for the device.
+        """Whether a frame had enough room; if not, it must be repeated. Waits for the device.
 
         Raises:
             SimulationError: a position is not finite, or the particles have collapsed into a clump.
