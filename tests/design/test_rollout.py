@@ -3,9 +3,10 @@ from itertools import pairwise
 import pytest
 import torch
 
-from surfsup.design.rollout import all_frames, crossing_point, last_frame
+from surfsup.design.rollout import GradientNotFinite, all_frames, crossing_point, last_frame
 from surfsup.sdf import Bowl, Sphere, Transformed
 from surfsup.sph.environment import Environment
+from surfsup.sph.solver import DfsphSolver
 from surfsup.sph.state import ParticleState
 
 
@@ -129,6 +130,41 @@ class TestTheLastFrame:
             return torch.autograd.grad(mean_squared_distance(end.positions), capture)[0]
 
         assert float(gradient(6)) == pytest.approx(float(gradient(1)), rel=1e-3)
+
+
+class Unfollowable(DfsphSolver):
+    """The solver, but the gradient is lost in the frame that begins with the first particle just above a height."""
+
+    def __init__(self, height: float) -> None:
+        super().__init__()
+        self.height = height
+
+    def step(self, state, environment, handle_collisions=True):
+        after, collided = super().step(state, environment, handle_collisions)
+        if after.positions.requires_grad and after.positions[0, 2] < self.height <= state.positions[0, 2]:
+            after = ParticleState(Lost.apply(after.positions), after.velocities)
+        return after, collided
+
+
+class Lost(torch.autograd.Function):
+    @staticmethod
+    def forward(ctx, values):
+        return values.clone()
+
+    @staticmethod
+    def backward(ctx, gradient):
+        return gradient * torch.nan
+
+
+@pytest.mark.parametrize("frame", range(1, 11))
+def test_a_gradient_that_is_not_finite_is_reported_with_its_frame(frame):
+    positions = torch.tensor([[0.0, 0.0, 0.9], [0.4, 0.4, 1.4]], requires_grad=True)
+    start, environment = falling(positions, 2.0), make_environment(None)
+    with torch.no_grad():
+        heights = [float(now.positions[0, 2]) for now in all_frames(DfsphSolver(), environment, start, 10)]
+    end = last_frame(Unfollowable((heights[frame - 1] + heights[frame]) / 2), environment, start, 10)
+    with pytest.raises(GradientNotFinite, match=rf"cannot be followed back through frame {frame};"):
+        end.positions.sum().backward()
 
 
 class TestLandedParticles:

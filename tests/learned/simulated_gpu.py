@@ -13,6 +13,7 @@ from unittest.mock import patch
 from weakref import WeakValueDictionary
 
 import torch
+import warp
 from torch.utils._python_dispatch import TorchDispatchMode
 from torch.utils._pytree import tree_leaves, tree_map
 
@@ -86,6 +87,8 @@ def compute(function: Any, args: tuple[Any, ...], kwargs: dict[str, Any]) -> Any
     if on_gpu and function not in COPIES and any(tensor.ndim and not is_on_gpu(tensor) for tensor in tensors):
         raise RuntimeError(f"{function}: expected all tensors to be on the same device")
     device = kwargs.get("device")
+    if on_gpu and waits_for_gpu(function, args, device):
+        waits.append(str(function))
     to_gpu = on_gpu if device is None else torch.device(device).type != "cpu"
     values = tree_map(lambda leaf: leaf.values if isinstance(leaf, GpuTensor) else leaf, (args, kwargs))
     if device is not None:
@@ -94,6 +97,28 @@ def compute(function: Any, args: tuple[Any, ...], kwargs: dict[str, Any]) -> Any
     if function._schema.is_mutable:
         return args[0]
     return tree_map(lambda leaf: to_gpu_tensor(leaf) if to_gpu and isinstance(leaf, torch.Tensor) else leaf, result)
+
+
+# Operations for which the host has waited for the GPU.
+waits: list[str] = []
+
+
+def waits_for_gpu(function: Any, args: tuple[Any, ...], device: Any) -> bool:
+    """Whether the host must wait for the GPU: it reads a value, or the shape of the result depends on values."""
+    if function in COPIES:
+        to_host = device is not None and torch.device(device).type == "cpu"
+        return to_host or (function == torch.ops.aten.copy_.default and not is_on_gpu(args[0]))
+    if function == torch.ops.aten.index.Tensor:
+        return any(index is not None and index.dtype == torch.bool for index in args[1])
+    return function in WAITING
+
+
+WAITING = (
+    torch.ops.aten._local_scalar_dense.default,
+    torch.ops.aten.equal.default,
+    torch.ops.aten.masked_select.default,
+    torch.ops.aten.nonzero.default,
+)
 
 
 def to_gpu_tensor(values: torch.Tensor) -> torch.Tensor:
@@ -117,6 +142,7 @@ def warp_on_the_cpu() -> Iterator[None]:
         patch.object(runtime, "start", lambda device: start("cpu")),
         patch.object(runtime, "load_kernels", lambda kernels, device: load_kernels(kernels, "cpu")),
         patch.object(runtime, "on_stream", lambda device: nullcontext()),
+        patch.object(runtime, "warp_device", lambda device: warp.get_device("cpu")),
         patch.object(runtime, "to_warp", to_warp_from_gpu),
         patch.object(runtime, "to_torch", lambda array: to_gpu_tensor(to_torch(array))),
     ):

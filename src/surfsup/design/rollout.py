@@ -22,6 +22,23 @@ from surfsup.sph.environment import Environment
 from surfsup.sph.simulator import Simulator
 from surfsup.sph.state import ParticleState
 
+
+class GradientNotFinite(SimulationError):
+    """A gradient became infinite or NaN on its way back through the frames.
+
+    Attributes:
+        frames: the first and the last of the frames, counted from 1, in one of which that happened.
+    """
+
+    def __init__(self, first: int, last: int) -> None:
+        place = f"frame {first}" if first == last else f"one of the frames {first} to {last}"
+        super().__init__(
+            f"the gradient is not finite: it cannot be followed back through {place}; use fewer frames, or move the "
+            "water's start a little"
+        )
+        self.frames = first, last
+
+
 STATE_TENSORS = 3  # positions and velocities of the active particles, positions of all
 
 
@@ -107,11 +124,12 @@ def last_frame(
 
     Raises:
         SimulationError: the simulation diverged.
+        GradientNotFinite: by the backward pass.
     """
     particles, length = Particles.at_start(start), max(1, math.isqrt(frames))
     shape = tensors_requiring_grad(environment.surface)
     for first in range(0, frames, length):
-        segment = Segment(simulator, environment, floor, min(length, frames - first), particles)
+        segment = Segment(simulator, environment, floor, first, min(length, frames - first), particles)
         tensors = CheckpointedSegment.apply(segment, *vars(particles.state).values(), particles.positions, *shape)
         particles = segment.particles_from(tensors, -1)
     if not bool(torch.isfinite(particles.positions).all()):
@@ -127,10 +145,13 @@ class Segment:
         simulator: Simulator[ParticleState],
         environment: Environment,
         floor: float | None,
+        first: int,
         frames: int,
         start: Particles,
     ) -> None:
-        self.simulator, self.environment, self.floor, self.frames = simulator, environment, floor, frames
+        self.simulator, self.environment, self.floor = simulator, environment, floor
+        self.first, self.frames = first, frames  # frames before the segment and in it
+        self.states: list[Tensor] = []  # of the repetition, at the end of each frame but the last
         self.active, self.landed = [start.active], [start.landed]  # at the start and at the end of each frame
 
     def run(self, tensors: Sequence[Tensor]) -> tuple[Tensor, ...]:
@@ -143,6 +164,8 @@ class Segment:
             if not repetition:
                 self.active.append(particles.active)
                 self.landed.append(particles.landed)
+            elif frame < self.frames:
+                self.states += vars(particles.state).values()
         return (*vars(particles.state).values(), particles.positions)
 
     def particles_from(self, tensors: Sequence[Tensor], frame: int) -> Particles:
@@ -173,10 +196,37 @@ class CheckpointedSegment(torch.autograd.Function):
             inputs = [tensor.detach().requires_grad_() for tensor in particles]
             outputs = ctx.segment.run(inputs)
         pairs = [(output, given) for output, given in zip(outputs, gradients, strict=True) if output.requires_grad]
+        of = [*ctx.segment.states, *inputs, *shape]
+        ctx.segment.states = []
         found = torch.autograd.grad(
-            [output for output, _ in pairs], [*inputs, *shape], [given for _, given in pairs], allow_unused=True
+            [output for output, _ in pairs], of, [given for _, given in pairs], allow_unused=True
         )
-        return None, *found
+        check_gradients(found, len(shape), ctx.segment)
+        return None, *found[len(found) - len(inputs) - len(shape) :]
+
+
+def check_gradients(gradients: Sequence[Tensor | None], shape: int, segment: Segment) -> None:
+    """Check the gradients of a segment: of its states by frame, of its start, and of ``shape`` tensors of the shape.
+
+    Raises:
+        GradientNotFinite: one is not.
+    """
+    of_shape = len(gradients) - shape
+    at_start = 2 * (segment.frames - 1)  # after positions and velocities at the end of each frame but the last
+    parts = [gradients[of_shape:], gradients[at_start:of_shape]]
+    parts += [gradients[at : at + 2] for at in range(0, at_start, 2)]
+    broken = [not finite for finite in torch.stack([all_finite(part) for part in parts]).tolist()]
+    if any(broken[1:]):
+        frame = segment.first + len(broken) - 1 - broken[::-1].index(True)
+        raise GradientNotFinite(frame, frame)
+    if broken[0]:
+        raise GradientNotFinite(segment.first + 1, segment.first + segment.frames)
+
+
+def all_finite(values: Sequence[Tensor | None]) -> Tensor:
+    """Whether every number is finite; a gradient that is not there is zero."""
+    checks = [torch.isfinite(value).all() for value in values if value is not None]
+    return torch.stack(checks).all() if checks else torch.tensor(True)
 
 
 @torch.no_grad()

@@ -14,6 +14,7 @@ from surfsup.design.gradient_check import GradientCheck
 from surfsup.design.history import DesignHistory
 from surfsup.design.optimizer import Optimizer
 from surfsup.design.parameter import start_values
+from surfsup.design.rollout import GradientNotFinite
 from surfsup.design.task import Task, format_values
 from surfsup.errors import InputError, SimulationError
 from surfsup.optim.checkpoint import CheckpointFiles
@@ -32,6 +33,7 @@ class DesignRun(DesignHistory):
         simulator: the solver.
         optimizer: the current design.
         gradient_check: the reliability of the gradients.
+        broken_gradients: why a step was skipped, for each of this process whose gradient was not finite.
     """
 
     def __init__(self, task: Task, folder: Path, iterations: int = 100, smoothing: float = 0.0, seed: int = 0) -> None:
@@ -54,6 +56,7 @@ class DesignRun(DesignHistory):
         self.start = start_values(task.parameters)
         self.optimizer = Optimizer(task.parameters, self.start, iterations)
         self.gradient_check = GradientCheck()
+        self.broken_gradients: list[str] = []
         self.files = CheckpointFiles(folder)
 
     @property
@@ -111,7 +114,11 @@ class DesignRun(DesignHistory):
         values = self.optimizer.values
         found: tuple[Tensor | None, ...] = (None,) * len(values)
         if reward.requires_grad:
-            found = torch.autograd.grad(reward, list(values.values()), allow_unused=True)
+            try:
+                found = torch.autograd.grad(reward, list(values.values()), allow_unused=True)
+            except GradientNotFinite as error:  # the optimizer skips the step
+                self.broken_gradients.append(str(error))
+                found = tuple(torch.full_like(value, torch.nan) for value in values.values())
         gradients = {
             name: torch.zeros_like(value) if gradient is None else gradient
             for (name, value), gradient in zip(values.items(), found, strict=True)
@@ -132,7 +139,11 @@ class DesignRun(DesignHistory):
         return float(x), float(y)
 
     def remedy(self) -> str | None:
-        """What to try if gradients were clipped often; None if they were not."""
+        """What to try if gradients were not finite, or clipped often; None if they were not."""
+        if self.broken_gradients:
+            return (
+                f"{len(self.broken_gradients)} of {len(self.rewards)} steps were skipped: {self.broken_gradients[-1]}"
+            )
         if self.optimizer.clipped <= FREQUENT_CLIPPING * len(self.rewards):
             return None
         return (

@@ -48,6 +48,20 @@ def energy_gain(
 ) -> float:
     """Mechanical energy that a step adds, mean J/kg. Arrays are (N, 3), ``gravity`` is (3,)."""
 
+def limit_energy_gain(
+    positions: Vectors,
+    velocities: Vectors,
+    ballistic_positions: Vectors,
+    ballistic_velocities: Vectors,
+    new_positions: Vectors,
+    new_velocities: Vectors,
+    gravity: Vector,
+    max_gain: float,
+    max_delta_velocity: float,
+    halvings: int,
+) -> None:
+    """Shorten the changes against free fall in place until a step adds at most ``max_gain`` J/kg. Arrays are (N, 3)."""
+
 def resolve_collisions(
     before: Vectors,
     positions: Vectors,

@@ -99,7 +99,7 @@ class SdfGrid(nn.Module):
         gradient = mean[:, 1:]
         distance = mean[:, 0] + 0.5 * (self.offset(border) * gradient).sum(dim=-1)
         beyond = (points - border).detach().ne(0).any(dim=-1)
-        if bool(beyond.any()):
+        if points.device.type != "cpu" or bool(beyond.any()):  # the host does not wait for a GPU
             away = points - border + distance[:, None] * nn.functional.normalize(gradient, dim=-1)
             distance = torch.where(beyond, torch.linalg.vector_norm(away, dim=-1), distance)
             gradient = torch.where(beyond[:, None], away, gradient)

@@ -12,18 +12,15 @@ from torch import Tensor
 
 from surfsup import native
 from surfsup.native.dispatch import can_run_native
+from surfsup.sph.energy_bound import HALVINGS, MAX_DELTA_VELOCITY, MAX_ENERGY_GAIN
+from surfsup.sph.environment import Environment
 from surfsup.sph.state import WHOLE_FRAME, FramePart, ParticleState
-
-MAX_ENERGY_GAIN = 2e-3  # J/kg in a frame; valid rollouts gain this now and then, and a scene begins with 5 to 15
-MAX_DELTA_VELOCITY = 5.0  # m/s in a frame; one true change in ten thousand exceeds 4.7
-HALVINGS = 10
 
 
 def energy_gain(state: ParticleState, positions: Tensor, velocities: Tensor, gravity: Tensor) -> float:
     """Mechanical energy that a step from ``state`` to these positions and velocities (N, 3) adds, mean J/kg.
 
-    The value decides between branches and carries no gradient. C++ sums it on one thread, in less time than torch
-    needs to wake its threads.
+    The value carries no gradient.
     """
     arrays = [value.detach() for value in (state.positions, state.velocities, positions, velocities, gravity)]
     if can_run_native(*arrays):
@@ -38,7 +35,7 @@ def limit_energy_gain(
     state: ParticleState,
     positions: Tensor,
     velocities: Tensor,
-    gravity: Tensor,
+    environment: Environment,
     part: FramePart = WHOLE_FRAME,
     supplied: float = 0.0,
 ) -> tuple[Tensor, Tensor]:
@@ -51,22 +48,27 @@ def limit_energy_gain(
         state: before the step.
         positions: after it, meters.
         velocities: after it, m/s.
-        gravity: (3,), m/s².
-        part: of a frame that the step takes.
-        supplied: energy from outside, mean J/kg: the work of moving solids.
+        environment: gravity.
+        part: of a frame that the step takes, in C++ only.
+        supplied: energy from outside, mean J/kg: the work of moving solids, in C++ only.
     """
-    if not energy_gain(state, positions, velocities, gravity) > MAX_ENERGY_GAIN + supplied:
-        return positions, velocities
-    predicted, falling = state.ballistic(gravity, part)
-    delta_velocity, delta_position = velocities - falling, positions - predicted
-    for halving in range(1, HALVINGS + 1):
-        fraction = kept_fraction(delta_velocity, MAX_DELTA_VELOCITY / 2**halving)
-        positions, velocities = predicted + fraction * delta_position, falling + fraction * delta_velocity
-        if energy_gain(state, positions, velocities, gravity) <= MAX_ENERGY_GAIN + supplied:
-            return positions, velocities
-    return predicted, falling
+    gravity = environment.gravity
+    if not can_run_native(state.positions, state.velocities, positions, velocities, gravity):
+        from surfsup.sph.warp_engine import energy
 
-
-def kept_fraction(vectors: Tensor, bound: float) -> Tensor:
-    """The factors (N, 1), at most one, that shorten ``vectors`` (N, 3) to a length of at most ``bound``."""
-    return (bound / torch.linalg.vector_norm(vectors, dim=-1, keepdim=True).clamp(min=1e-9)).clamp(max=1)
+        return energy.limit_energy_gain(state, positions, velocities, environment.on_host.gravity)
+    free_positions, free_velocities = state.ballistic(gravity, part)
+    after = [value.detach().clone(memory_format=torch.contiguous_format) for value in (positions, velocities)]
+    native.limit_energy_gain(
+        state.positions.contiguous().numpy(),
+        state.velocities.contiguous().numpy(),
+        free_positions.contiguous().numpy(),
+        free_velocities.contiguous().numpy(),
+        after[0].numpy(),
+        after[1].numpy(),
+        gravity.contiguous().numpy(),
+        MAX_ENERGY_GAIN + supplied,
+        MAX_DELTA_VELOCITY,
+        HALVINGS,
+    )
+    return after[0], after[1]

@@ -5,6 +5,7 @@ from __future__ import annotations
 from copy import deepcopy
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import torch
 from torch import Tensor
@@ -17,6 +18,14 @@ from surfsup.scene.solids import Solids, build_solids
 from surfsup.sdf import Surface, Transformed
 from surfsup.sph.boundary.boundary_map import BoundaryMap
 from surfsup.sph.moving import FrameMotion, MovingSolids
+
+
+class HostVectors(NamedTuple):
+    """Corners of the container (3,) in meters and gravity (3,) in m/s²."""
+
+    lower: Tensor
+    upper: Tensor
+    gravity: Tensor
 
 
 @dataclass(frozen=True)
@@ -111,6 +120,11 @@ class Environment:
         if self.surface is None:
             return torch.full_like(points[:, 0], torch.inf), torch.zeros_like(points)
         return self.surface.distance_and_normal(points)
+
+    @cached_property
+    def on_host(self) -> HostVectors:
+        """Container and gravity on the CPU, for kernels that take them by value."""
+        return HostVectors(*(vector.detach().cpu() for vector in (self.lower, self.upper, self.gravity)))
 
     @property
     def requires_grad(self) -> bool:

@@ -50,7 +50,7 @@ def step_part(
     if frame.finished:
         return ParticleState(frame.positions, frame.velocities), frame.collided
     positions, velocities = limit_energy_gain(
-        state, frame.positions, frame.velocities, environment.gravity, part, frame.solid_work
+        state, frame.positions, frame.velocities, environment, part, frame.solid_work
     )
     if not handle_collisions:
         return ParticleState(positions, velocities), frame.collided

@@ -95,13 +95,10 @@ class DfsphSolver(Simulator[ParticleState]):
             frame = self.native.step(state, environment, handle_collisions)
             if frame.finished:
                 return ParticleState(frame.positions, frame.velocities), frame.collided
-            positions, velocities, last_query = frame.positions, frame.velocities, frame.last_query
-        else:
-            predicted, _ = state.ballistic(environment.gravity)
-            distance, normal = environment.distance_and_normal(predicted)
-            positions, velocities = self.warp.advance(state, environment, predicted, distance, normal)
-            last_query = LastQuery(predicted, distance)
-        return finish_step(state, positions, velocities, environment, last_query, handle_collisions)
+            last = frame.last_query
+            return finish_step(state, frame.positions, frame.velocities, environment, last, handle_collisions)
+        positions, velocities, collided = self.warp.step(state, environment, handle_collisions)
+        return ParticleState(positions, velocities), collided
 
     def _step_in_parts(
         self, solver: NativeSolver, state: ParticleState, environment: Environment, handle_collisions: bool, parts: int
@@ -161,7 +158,7 @@ def finish_step(
         handle_collisions: whether to move particles out of solid and walls.
         part: of a frame that the step takes.
     """
-    positions, velocities = limit_energy_gain(state, positions, velocities, environment.gravity, part)
+    positions, velocities = limit_energy_gain(state, positions, velocities, environment, part)
     if not handle_collisions:
         return ParticleState(positions, velocities), torch.zeros(
             len(positions), dtype=torch.bool, device=positions.device

@@ -9,13 +9,15 @@ import torch
 import warp as wp
 
 from surfsup.errors import SimulationError
-from surfsup.sph.warp_engine.kernels.adjoint import adjoint_kernels
-from surfsup.sph.warp_engine.kernels.boundary import boundary_kernels
-from surfsup.sph.warp_engine.kernels.search import search_kernels
-from surfsup.sph.warp_engine.kernels.substeps import substep_kernels
-from surfsup.sph.warp_engine.kernels.transfer import transfer_kernels
-from surfsup.sph.warp_engine.runtime import launch_error, load_kernels, memory_errors, precision_of, start
-from surfsup.sph.warp_engine.solver import bytes_per_particle
+from surfsup.sph.warp_engine.runtime import (
+    driver_problem,
+    launch_error,
+    load_kernels,
+    memory_errors,
+    precision_of,
+    start,
+)
+from surfsup.sph.warp_engine.solver import FACTORIES, bytes_per_particle
 
 FRAME = """
 import torch
@@ -59,6 +61,19 @@ def test_a_gpu_that_is_not_there_is_one_line_with_the_way_out():
         start("cuda:0")
 
 
+@pytest.mark.parametrize(
+    ("driver", "toolkit", "reason"),
+    [
+        (None, (12, 9), "there is no NVIDIA driver"),
+        ((11, 8), (12, 9), "the NVIDIA driver is for CUDA 11.8, but Warp needs one for CUDA 12"),
+        ((13, 0), (12, 9), "the NVIDIA driver finds no GPU"),
+        ((12, 4), None, "this build of Warp is for CPUs alone"),
+    ],
+)
+def test_the_reason_why_there_is_no_gpu(driver, toolkit, reason):
+    assert driver_problem(driver, toolkit) == reason
+
+
 def test_a_kernel_that_does_not_compile_is_one_line():
     class BrokenModule:
         def load(self, device) -> None:
@@ -74,7 +89,10 @@ def test_too_little_memory_says_how_many_particles_would_fit(monkeypatch):
     monkeypatch.setattr(torch.cuda, "mem_get_info", lambda device: (10**6, 8 * 10**9))
     needed = bytes_per_particle(torch.float32, with_gradient=False)
     with (
-        pytest.raises(SimulationError, match=r"'cuda:0' has too little memory for 20000000 particles; about \d+ would"),
+        pytest.raises(
+            SimulationError,
+            match=r"too little memory for 20000000 particles; about \d+ would fit; use fewer, or --device cpu",
+        ),
         memory_errors(20_000_000, needed, torch.device("cuda:0")),
     ):
         raise RuntimeError("Failed to allocate 5120000000 bytes on device 'cuda:0'")
@@ -92,7 +110,7 @@ def test_all_kernels_compile_for_gpus(architecture, dtype, tmp_path):
     start("cpu")
     precision = precision_of(dtype)
     modules = {}
-    for factory in (search_kernels, transfer_kernels, boundary_kernels, substep_kernels, adjoint_kernels):
+    for factory in FACTORIES:
         for kernel in factory(precision).kernels:
             modules[kernel.module.name] = kernel.module
     for module in modules.values():

@@ -11,6 +11,7 @@ from surfsup.native.dispatch import is_built
 from surfsup.scene import SPACING, Container
 from surfsup.sdf import Heightfield, MeshSurface, Sphere, Surface, Transformed, fit_surface, load_siren
 from surfsup.sph.boundary.boundary_map import BoundaryMap
+from surfsup.sph.energy import MAX_ENERGY_GAIN, energy_gain
 from surfsup.sph.environment import Environment
 from surfsup.sph.kernels import KERNEL_SUPPORT
 from surfsup.sph.solver import DfsphSolver
@@ -49,6 +50,16 @@ def advanced(
     if distance is None or normal is None:
         distance, normal = environment.distance_and_normal(predicted)
     return WarpSolver().advance(state, environment, predicted, distance, normal)
+
+
+def impact(dtype: torch.dtype = torch.float64) -> ParticleState:
+    """Particles of which some strike the ball within the frame."""
+    state = splash(150, low=0.56, dtype=dtype)
+    distance, normal = BALL.distance_and_normal(state.positions)
+    return ParticleState(
+        state.positions + (0.021 - distance).clamp(min=0)[:, None] * normal,
+        state.velocities + torch.tensor([0, 0, -8], dtype=dtype),
+    )
 
 
 def solid(name: str) -> Surface:
@@ -122,6 +133,30 @@ def test_a_rollout_of_twenty_frames_stays_within_ten_micrometers_of_cpp():
     assert (found.positions - expected.positions).abs().max() < 1e-5
 
 
+@needs_cpp
+@pytest.mark.parametrize("handle_collisions", [True, False])
+def test_walls_and_collisions_equal_those_in_cpp(handle_collisions):
+    state = impact(torch.float32)
+    shifted = ParticleState(state.positions + torch.tensor([-0.49, 0.0, 0.3]), state.velocities)
+    for start, surface in ((state, BALL), (shifted, None)):
+        environment, in_warp = environment_of(surface), DfsphSolver()
+        in_warp.native = None
+        expected, collided = DfsphSolver().step(start, environment, handle_collisions)
+        found, also_collided = in_warp.step(start, environment, handle_collisions)
+        assert torch.equal(collided, also_collided) and bool(collided.any()) == handle_collisions
+        torch.testing.assert_close(found.positions, expected.positions, atol=1e-6, rtol=0)
+        torch.testing.assert_close(found.velocities, expected.velocities, atol=1e-3, rtol=0)
+
+
+def test_a_fixed_list_of_particles_near_the_solid_gives_the_same_as_one_that_is_counted():
+    state = impact()
+    for with_map in (True, False):
+        environment, fixed = environment_of(BALL, with_map, torch.float64), WarpSolver()
+        fixed.room.rows = 120
+        for one, other in zip(fixed.step(state, environment), WarpSolver().step(state, environment), strict=True):
+            assert torch.equal(one, other)
+
+
 def test_single_precision_equals_double_precision():
     state = splash(300)
     single = ParticleState(state.positions.float(), state.velocities.float())
@@ -159,12 +194,29 @@ def test_no_particle_stays_no_particle():
     assert in_warp.step(empty, environment_of(BALL))[0].positions.shape == (0, 3)
 
 
-def test_more_neighbors_than_there_is_room_for_are_found_by_a_second_search(monkeypatch):
-    state, environment = splash(200), environment_of(BALL, dtype=torch.float64)
-    expected = advanced(state, environment)
-    monkeypatch.setattr(neighbors, "CAPACITY", 4)
-    found = advanced(state, environment)
-    assert all(torch.equal(one, other) for one, other in zip(found, expected, strict=True))
+@pytest.mark.parametrize("grid", [(4, 16, 4), neighbors.LARGE_GRID])
+def test_the_grid_of_the_search_does_not_matter(grid, monkeypatch):
+    state, environment = splash(400), environment_of(None, dtype=torch.float64)
+    state = ParticleState(state.positions * torch.tensor([3.0, 3.0, 1.0]), state.velocities)
+    expected, _ = advanced(state, environment)
+    monkeypatch.setattr(neighbors, "SMALL_GRID", grid)
+    found, _ = advanced(state, environment)
+    torch.testing.assert_close(found, expected, atol=1e-12, rtol=0)
+
+
+@pytest.mark.parametrize("with_map", [True, False])
+@pytest.mark.parametrize("with_gradient", [True, False])
+def test_a_frame_that_lacked_room_is_repeated_with_more(with_map, with_gradient):
+    state, environment = impact(), environment_of(BALL, with_map, torch.float64)
+    state.positions.requires_grad_(with_gradient)
+    expected = WarpSolver().step(state, environment)
+    assert expected[2].sum() > 3
+    solver = WarpSolver()
+    solver.room.neighbors, solver.room.rows = 4, 2
+    for _ in range(2):
+        found = solver.step(state, environment)
+        assert all(torch.equal(one, other) for one, other in zip(found, expected, strict=True))
+    assert solver.room.neighbors > 4 and solver.room.rows == len(state.positions)
 
 
 def test_a_collapse_is_refused():
@@ -202,13 +254,14 @@ def test_a_precision_that_the_solver_lacks_is_refused():
 class TestGradients:
     """Against central differences in double precision."""
 
-    def check(self, state: ParticleState, environment: Environment, frames: int = 1) -> None:
+    def check(self, state: ParticleState, environment: Environment, frames: int = 1, whole: bool = False) -> None:
+        solver = WarpSolver()
         weights = torch.randn(2, len(state.positions), 3, generator=torch.Generator().manual_seed(5)).double()
 
         def total(positions: torch.Tensor, velocities: torch.Tensor) -> torch.Tensor:
             now = ParticleState(positions, velocities)
             for _ in range(frames):
-                now = ParticleState(*advanced(now, environment))
+                now = ParticleState(*(solver.step(now, environment)[:2] if whole else advanced(now, environment)))
             return (weights[0] * now.positions).sum() + 0.1 * (weights[1] * now.velocities).sum()
 
         inputs = [value.clone().requires_grad_() for value in (state.positions, state.velocities)]
@@ -257,6 +310,39 @@ class TestGradients:
         assert (listed & ~before & later).sum() > 10
         self.check(state, environment)
         self.check(state, environment, frames=3)
+
+    @pytest.mark.parametrize("with_map", [True, False])
+    def test_of_a_whole_frame_in_which_particles_strike_the_solid(self, with_map):
+        state, environment = impact(), environment_of(BALL, with_map, torch.float64)
+        assert WarpSolver().step(state, environment)[2].sum() > 3
+        self.check(state, environment, whole=True)
+        self.check(state, environment, frames=3, whole=True)
+
+    def test_of_a_whole_frame_in_which_particles_strike_walls(self):
+        state = splash(150)
+        state = ParticleState(state.positions + torch.tensor([-0.5, -0.5, -0.61]), state.velocities)
+        assert WarpSolver().step(state, environment_of(None, dtype=torch.float64))[2].sum() > 3
+        self.check(state, environment_of(None, dtype=torch.float64), whole=True)
+
+    def test_of_a_whole_frame_that_the_energy_limiter_bounds(self):
+        state, environment = splash(150), environment_of(BALL, False, torch.float64)
+        state = ParticleState(0.6 * state.positions + torch.tensor([0.0, 0.0, 0.35]), 0.5 * state.velocities)
+        unlimited = advanced(state, environment)
+        assert energy_gain(state, *unlimited, environment.gravity) > MAX_ENERGY_GAIN
+        limited = WarpSolver().step(state, environment)
+        assert -0.1 < energy_gain(state, *limited[:2], environment.gravity) <= MAX_ENERGY_GAIN
+        self.check(state, environment, whole=True)
+
+    def test_of_a_whole_frame_in_the_radius_of_a_ball(self):
+        state = impact()
+
+        def end(radius: torch.Tensor) -> torch.Tensor:
+            ball = Transformed(Sphere(radius), None, (0.0, 0.0, 0.3))
+            positions, velocities, _ = WarpSolver().step(state, environment_of(ball, False, torch.float64))
+            return torch.stack([positions.square().sum(), velocities.square().sum()])
+
+        radius = torch.tensor(0.3, dtype=torch.float64, requires_grad=True)
+        assert torch.autograd.gradcheck(end, radius, eps=1e-8, atol=1e-4, rtol=1e-4)
 
     def test_in_distances_and_normals(self):
         state, environment = splash(30, low=0.58), environment_of(BALL, False, torch.float64)

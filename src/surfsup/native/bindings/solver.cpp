@@ -174,6 +174,19 @@ double energy_gain(Vectors positions, Vectors velocities, Vectors new_positions,
                                 static_cast<int64_t>(count), gravity.data());
 }
 
+void limit_energy_gain(Vectors positions, Vectors velocities, Vectors ballistic_positions, Vectors ballistic_velocities,
+                       NewVectors new_positions, NewVectors new_velocities, Vector gravity, double max_gain,
+                       float max_delta_velocity, int halvings) {
+    const size_t count = positions.shape(0);
+    for (const size_t rows : {velocities.shape(0), ballistic_positions.shape(0), ballistic_velocities.shape(0),
+                              new_positions.shape(0), new_velocities.shape(0)})
+        expect(rows, count, "an array of particles");
+    const nb::gil_scoped_release unlocked;
+    surfsup::limit_energy_gain(positions.data(), velocities.data(), {ballistic_positions.data(), ballistic_velocities.data()},
+                               new_positions.data(), new_velocities.data(), static_cast<int64_t>(count), gravity.data(),
+                               {max_gain, max_delta_velocity, halvings});
+}
+
 // Hands a vector over to NumPy.
 nb::ndarray<nb::numpy, int64_t, nb::ndim<1>> to_numpy(std::vector<int64_t>&& values) {
     auto* kept = new std::vector<int64_t>(std::move(values));
@@ -199,6 +212,9 @@ void add_solver(nb::module_& module) {
     module.def("find_neighbor_pairs", find_neighbor_pairs, array("positions"), "radius"_a, "max_pairs"_a, "threads"_a);
     module.def("energy_gain", energy_gain, array("positions"), array("velocities"), array("new_positions"),
                array("new_velocities"), array("gravity"));
+    module.def("limit_energy_gain", limit_energy_gain, array("positions"), array("velocities"), array("ballistic_positions"),
+               array("ballistic_velocities"), array("new_positions"), array("new_velocities"), array("gravity"), "max_gain"_a,
+               "max_delta_velocity"_a, "halvings"_a);
     module.def("resolve_collisions", resolve_collisions, array("before"), array("positions"), array("velocities"),
                array("collided"), array("lower"), array("upper"), "parameters"_a, "solid"_a.none(),
                array("query_positions").none(), array("query_distance").none(), "isa"_a, "threads"_a);

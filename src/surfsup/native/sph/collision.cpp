@@ -1,5 +1,7 @@
 #include "sph/collision.hpp"
 
+#include <algorithm>
+#include <cmath>
 #include <numeric>
 #include <vector>
 
@@ -93,6 +95,31 @@ double energy_gain(const float* positions, const float* velocities, const float*
         gain += kinetic - work;
     }
     return count ? gain / static_cast<double>(count) : 0;
+}
+
+void limit_energy_gain(const float* positions, const float* velocities, const Ballistic& ballistic, float* new_positions,
+                       float* new_velocities, int64_t count, const float* gravity, const EnergyLimit& limit) {
+    const std::vector<float> after(new_positions, new_positions + 3 * count), fast(new_velocities, new_velocities + 3 * count);
+    float bound = limit.max_delta_velocity;
+    for (int halving = 0; halving < limit.halvings; ++halving) {
+        if (!(energy_gain(positions, velocities, new_positions, new_velocities, count, gravity) > limit.max_gain)) return;
+        bound /= 2;
+        for (int64_t i = 0; i < 3 * count; i += 3) {
+            float delta[3];
+            for (int axis = 0; axis < 3; ++axis)
+                delta[axis] = fast[static_cast<size_t>(i + axis)] - ballistic.velocities[i + axis];
+            const float speed = std::sqrt(delta[0] * delta[0] + delta[1] * delta[1] + delta[2] * delta[2]);
+            const float fraction = speed > bound ? bound / speed : 1;
+            for (int64_t at = i; at < i + 3; ++at) {
+                const float free_position = ballistic.positions[at];
+                new_positions[at] = free_position + fraction * (after[static_cast<size_t>(at)] - free_position);
+                new_velocities[at] = ballistic.velocities[at] + fraction * delta[at - i];
+            }
+        }
+    }
+    if (!(energy_gain(positions, velocities, new_positions, new_velocities, count, gravity) > limit.max_gain)) return;
+    std::copy(ballistic.positions, ballistic.positions + 3 * count, new_positions);
+    std::copy(ballistic.velocities, ballistic.velocities + 3 * count, new_velocities);
 }
 
 }  // namespace surfsup

@@ -37,4 +37,20 @@ void resolve_collisions(const float* before, float* positions, float* velocities
 double energy_gain(const float* positions, const float* velocities, const float* new_positions, const float* new_velocities,
                    int64_t count, const float* gravity);
 
+// The energy limiter, see sph/energy.py.
+struct EnergyLimit {
+    double max_gain;           // J/kg in a frame
+    float max_delta_velocity;  // m/s, halved until the gain is small enough
+    int halvings;              // at most
+};
+
+// Positions and velocities (count, 3) after a frame of free fall.
+struct Ballistic {
+    const float *positions, *velocities;
+};
+
+// Shortens in place the changes against free fall that add too much energy.
+void limit_energy_gain(const float* positions, const float* velocities, const Ballistic& ballistic, float* new_positions,
+                       float* new_velocities, int64_t count, const float* gravity, const EnergyLimit& limit);
+
 }  // namespace surfsup

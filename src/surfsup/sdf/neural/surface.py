@@ -72,6 +72,9 @@ class NeuralSurface(Surface):
         if self.grid is None:
             return self.value(single).to(points.dtype)
         distance, _ = self.grid.sample(single)
+        if points.device.type != "cpu":  # the host does not wait for a GPU to learn which points are near
+            near = distance.detach().abs() < NETWORK_RANGE
+            return torch.where(near, self.value(single), distance).to(points.dtype)
         near = torch.nonzero(distance.detach().abs() < NETWORK_RANGE).squeeze(-1)
         if len(near):
             distance = distance.index_copy(0, near, self.value(single[near]))
@@ -93,6 +96,10 @@ class NeuralSurface(Surface):
         if self.grid is None:
             return self.value_and_gradient(points)
         distance, gradient = self.grid.sample(points)
+        if points.device.type != "cpu":
+            near = distance.detach().abs() < NETWORK_RANGE
+            near_distance, near_gradient = self.value_and_gradient(points)
+            return torch.where(near, near_distance, distance), torch.where(near[:, None], near_gradient, gradient)
         near = torch.nonzero(distance.detach().abs() < NETWORK_RANGE).squeeze(-1)
         if len(near):
             near_distance, near_gradient = self.value_and_gradient(points[near])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from typing import Any
@@ -23,7 +24,7 @@ from surfsup.sph.warp_engine.kernels.adjoint import adjoint_kernels
 from surfsup.sph.warp_engine.kernels.boundary import NO_SOLID, PLANE, VOLUME_MAP, boundary_kernels
 from surfsup.sph.warp_engine.kernels.substeps import substep_kernels
 from surfsup.sph.warp_engine.kernels.transfer import transfer_kernels
-from surfsup.sph.warp_engine.neighbors import empty_table, find_neighbor_table
+from surfsup.sph.warp_engine.neighbors import NeighborSearch, empty_table
 from surfsup.sph.warp_engine.runtime import Precision, precision_of
 
 
@@ -48,8 +49,8 @@ def boundary_of(environment: Environment, precision: Precision, like: Tensor) ->
     """The boundary of an environment, on the device and in the precision of ``like``."""
     device, dtype = like.device, like.dtype
     real, vec3 = precision.real, precision.vec3
-    lower, upper = environment.lower.detach(), environment.upper.detach()
-    corners = [vec3(*value.cpu().tolist()) for value in (lower, upper, wall_cells(lower, upper))]
+    lower, upper, acceleration = environment.on_host
+    corners = [vec3(*value.tolist()) for value in (lower, upper, wall_cells(lower, upper))]
     table, places = tables_on(precision, device, dtype)
     volume_map = boundary_kernels(precision).Map()
     if environment.boundary_map is None:
@@ -62,7 +63,7 @@ def boundary_of(environment: Environment, precision: Precision, like: Tensor) ->
         cell_indices = runtime.to_warp(indices, wp.int32)
         nodes = runtime.to_warp(values.flatten(1), real)
     inputs = [*corners, table, solid, volume_map, places, cell_indices, nodes]
-    gravity, fallen = (vec3(*value.cpu().tolist()) for value in (environment.gravity, FRAME_TIME * environment.gravity))
+    gravity, fallen = (vec3(*value.tolist()) for value in (acceleration, FRAME_TIME * acceleration))
     return Boundary(solid, inputs, gravity, fallen)
 
 
@@ -83,99 +84,120 @@ def tables_on(precision: Precision, device: torch.device, dtype: torch.dtype) ->
 
 
 class Frame:
-    """One frame: its particles sorted by cell, and what its backward pass reads of every substep.
+    """The pressure solve of a frame: its arrays, and what the backward pass reads of every substep.
+
+    Its particles are sorted by cell. Nothing here waits for the device.
 
     Args:
-        positions, velocities, predicted: (N, 3) in the caller's order.
-        distance: (N,) of a plane solid at the predicted positions, meters; unused with a volume map or no solid.
-        normal: (N, 3) of a plane solid there.
+        like: (N, 3) particles; device and precision of all arrays.
         boundary: container, solid and gravity.
+        capacity: neighbors of a particle for which there is room.
         keep: whether to keep what the backward pass reads.
-
-    Raises:
-        SimulationError: a position is not finite, or the particles have collapsed into a clump.
     """
 
-    def __init__(
-        self,
-        positions: Tensor,
-        velocities: Tensor,
-        predicted: Tensor,
-        distance: Tensor | None,
-        normal: Tensor | None,
-        boundary: Boundary,
-        keep: bool = False,
-    ) -> None:
-        self.precision = precision_of(positions.dtype)
+    def __init__(self, like: Tensor, boundary: Boundary, capacity: int, keep: bool = False) -> None:
+        self.precision = precision_of(like.dtype)
         self.boundary, self.keep = boundary, keep
         self.plane = int(boundary.solid == PLANE)
-        real, vec3 = self.precision.real, self.precision.vec3
-        vectors = [runtime.to_warp(value, vec3) for value in (positions, velocities, predicted)]
-        self.count, self.device = len(positions), vectors[0].device
-        self.dtype, self.torch_device = positions.dtype, positions.device
+        self.count, self.dtype, self.torch_device = len(like), like.dtype, like.device
+        self.device = runtime.to_warp(like, self.precision.vec3).device
         self.gravity = boundary.gravity
-        self.table = find_neighbor_table(vectors[0], vectors[2], self.precision)
-        solid = [runtime.to_warp(distance, real), runtime.to_warp(normal, vec3)]
-        first = self.vectors(), self.vectors()
         self.solid = [self.vectors(), self.reals(), self.vectors()] if self.plane else [None, None, None]
         self.near_solid = wp.empty(self.count, dtype=int, device=self.device)
         self.rest_density = self.reals()
-        self.launch(
-            transfer_kernels(self.precision).sort_particles,
-            [self.table.order, *vectors, *solid, self.plane],
-            [*first, *self.solid, self.near_solid],
-        )
-        self.substeps: list[Substep] = []
-        self.delta_velocity, self.delta_position = self.vectors(zero=True), self.vectors(zero=True)
-        self.run(*first)
-        self.ballistic = [vectors[2], vectors[1], boundary.fallen]
+        self.delta_velocity, self.delta_position = self.vectors(), self.vectors()
+        # Positions and velocities from substep to substep; without gradients two sets take turns.
+        self.motions = [[self.vectors(), self.vectors()] for _ in range(SUBSTEPS + 1 if keep else 2)]
+        self.substeps = [Substep(self) for _ in range(SUBSTEPS if keep else 1)]
+        self.search = NeighborSearch(self.count, capacity, self.precision, self.device)
+        self.factors: Any = empty_table(self.count, capacity, self.precision.real, self.device)
 
-    def end(self) -> tuple[Tensor, Tensor]:
-        """Positions and velocities (N, 3) at the frame's end, in the caller's order."""
-        found = self.unsorted(), self.unsorted()
-        self.launch(
-            transfer_kernels(self.precision).finish_particles,
-            [self.table.order, *self.ballistic, self.delta_position, self.delta_velocity],
-            [runtime.to_warp(value, self.precision.vec3) for value in found],
-        )
-        return found
+    def run(
+        self,
+        positions: wp.array,
+        velocities: wp.array,
+        predicted: wp.array,
+        solid: Sequence[wp.array | None],
+        ends: Sequence[wp.array],
+    ) -> None:
+        """Launch the frame.
 
-    def run(self, positions: wp.array, velocities: wp.array) -> None:
-        """The substeps."""
-        kernels, boundary_kernel = substep_kernels(self.precision), boundary_kernels(self.precision).evaluate_boundary
-        neighbors = [self.table.neighbors, self.table.counts]
-        count, capacity = self.table.neighbors.shape
-        factors = empty_table(count, capacity, self.precision.real, self.device)
+        Args:
+            positions, velocities, predicted: (N,) vectors in the caller's order.
+            solid: distance (N,) of a plane solid at the predicted positions in meters, and its normals there (N,);
+                twice None with a volume map or no solid.
+            ends: (N,) vectors that receive positions and velocities at the frame's end, in the caller's order.
+        """
+        transfer = transfer_kernels(self.precision)
+        self.search.run(positions, predicted)
+        self.launch(
+            transfer.sort_particles,
+            [self.search.order, positions, velocities, predicted, *solid, self.plane],
+            [*self.motions[0], *self.solid, self.near_solid],
+        )
+        self.delta_velocity.zero_()
+        self.delta_position.zero_()
         for number in range(SUBSTEPS):
-            substep = Substep(self, positions, velocities)
-            self.launch(boundary_kernel, [positions, *self.solid, *self.boundary.inputs], substep.boundary)
-            self.launch(
-                kernels.compute_pressures,
-                [positions, velocities, *neighbors, *substep.boundary, self.near_solid, self.gravity, number],
-                [self.rest_density, factors, *substep.results],
-            )
-            motion = [positions, velocities]
-            density, _, density_gradient, _, viscous, pressure = substep.results
-            positions, velocities = self.vectors(), self.vectors()
-            self.launch(
-                kernels.apply_pressures,
-                [*motion, *neighbors, factors, pressure, density, density_gradient, viscous, self.gravity, number],
-                [self.delta_velocity, self.delta_position, positions, velocities],
-            )
-            self.substeps = [*self.substeps, substep] if self.keep else [substep]
+            self.run_substep(number)
+        self.launch(
+            transfer.finish_particles,
+            [
+                self.search.order,
+                predicted,
+                velocities,
+                self.boundary.fallen,
+                self.delta_position,
+                self.delta_velocity,
+            ],
+            [*ends],
+        )
+
+    def run_substep(self, number: int) -> None:
+        """Launch a substep."""
+        kernels, boundary_kernel = substep_kernels(self.precision), boundary_kernels(self.precision).evaluate_boundary
+        neighbors = [self.search.neighbors, self.search.counts]
+        motion, following = self.motion(number), self.motion(number + 1)
+        substep = self.substeps[number % len(self.substeps)]
+        self.launch(boundary_kernel, [motion[0], *self.solid, *self.boundary.inputs], substep.boundary)
+        self.launch(
+            kernels.compute_pressures,
+            [*motion, *neighbors, *substep.boundary, self.near_solid, self.gravity, number],
+            [self.rest_density, self.factors, *substep.results],
+        )
+        density, _, density_gradient, _, viscous, pressure = substep.results
+        self.launch(
+            kernels.apply_pressures,
+            [*motion, *neighbors, self.factors, pressure, density, density_gradient, viscous, self.gravity, number],
+            [self.delta_velocity, self.delta_position, *following],
+        )
+
+    def motion(self, number: int) -> list[wp.array]:
+        """Positions and velocities at the start of a substep."""
+        return self.motions[number % len(self.motions)]
+
+    def run_on_tensors(
+        self, positions: Tensor, velocities: Tensor, predicted: Tensor, distance: Tensor | None, normal: Tensor | None
+    ) -> tuple[Tensor, Tensor]:
+        """As :meth:`run`, from tensors (N, 3) and (N,); returns positions and velocities (N, 3) at the frame's end."""
+        real, vec3 = self.precision.real, self.precision.vec3
+        start, speed, ballistic = (runtime.to_warp(value, vec3) for value in (positions, velocities, predicted))
+        solid = [runtime.to_warp(distance, real), runtime.to_warp(normal, vec3)] if self.plane else [None, None]
+        ends = self.unsorted(), self.unsorted()
+        self.run(start, speed, ballistic, solid, [runtime.to_warp(value, vec3) for value in ends])
+        return ends
 
     def record(self) -> FrameRecord:
         """The last substep in the caller's order."""
-        substep, vec3 = self.substeps[-1], self.precision.vec3
+        substep, motion, vec3 = self.substeps[-1], self.motion(SUBSTEPS - 1), self.precision.vec3
         difference = self.vectors()
         self.launch(
             substep_kernels(self.precision).sum_velocity_differences,
-            [substep.positions, substep.velocities, self.table.neighbors, self.table.counts],
+            [*motion, self.search.neighbors, self.search.counts],
             [difference],
         )
-        order = runtime.to_torch(self.table.order).long()
+        order = runtime.to_torch(self.search.order).long()
         density, density_rate, density_gradient, squared_gradient, *_ = substep.results
-        values = [substep.positions, density, density_rate, density_gradient, squared_gradient, *substep.boundary]
+        values = [motion[0], density, density_rate, density_gradient, squared_gradient, *substep.boundary]
         values += [self.rest_density, difference]
         found = []
         for value in values:
@@ -194,11 +216,11 @@ class Frame:
         position_adjoint, change = self.vectors(), self.vectors()
         self.launch(
             transfer.sort_adjoints,
-            [self.table.order, runtime.to_warp(of_positions, vec3), runtime.to_warp(of_velocities, vec3), time],
+            [self.search.order, runtime.to_warp(of_positions, vec3), runtime.to_warp(of_velocities, vec3), time],
             [position_adjoint, change],
         )
         no_adjoint = [None if isinstance(value, wp.array) else value for value in self.boundary.inputs]
-        neighbors = [self.table.neighbors, self.table.counts]
+        neighbors = [self.search.neighbors, self.search.counts]
         rest_adjoint = self.reals(zero=True)
         solid_adjoint = (
             [self.vectors(zero=True), self.reals(zero=True), self.vectors(zero=True)]
@@ -210,8 +232,7 @@ class Frame:
         of_boundary_gradient = self.vectors()
         sums = [own_velocity, of_value, of_gradient, of_squares, of_approach, of_friction]
         for number in reversed(range(SUBSTEPS)):
-            substep = self.substeps[number]
-            motion = [substep.positions, substep.velocities]
+            substep, motion = self.substeps[number], self.motion(number)
             pressure = substep.results[-1]
             self.launch(
                 kernels.pressure_adjoint,
@@ -222,7 +243,7 @@ class Frame:
             wp.launch(
                 boundary_kernel,
                 self.count,
-                [substep.positions, *self.solid, *self.boundary.inputs],
+                [motion[0], *self.solid, *self.boundary.inputs],
                 substep.boundary,
                 adj_inputs=[through_boundary, *solid_adjoint, *no_adjoint],
                 adj_outputs=[of_boundary, of_boundary_gradient],
@@ -247,7 +268,7 @@ class Frame:
         ]
         self.launch(
             transfer.unsort_adjoints,
-            [self.table.order, position_adjoint, change, *solid_adjoint, self.plane, self.precision.real(FRAME_TIME)],
+            [self.search.order, position_adjoint, change, *solid_adjoint, self.plane, self.precision.real(FRAME_TIME)],
             targets,
         )
         return *found, *in_solid
@@ -274,13 +295,11 @@ class Substep:
     """The arrays of a substep, sorted by cell.
 
     Attributes:
-        positions, velocities: (N,) vectors at its start.
         boundary: density (N,) of solid and walls, and its gradient.
         results: density, density rate, density gradient, sum of squared gradients, viscous sum and pressure (N,).
     """
 
-    def __init__(self, frame: Frame, positions: wp.array, velocities: wp.array) -> None:
-        self.positions, self.velocities = positions, velocities
+    def __init__(self, frame: Frame) -> None:
         self.boundary = [frame.reals(), frame.vectors()]
         self.results = [
             frame.reals(),
@@ -320,25 +339,27 @@ class FrameRecord:
 
 
 class DifferentiableFrame(torch.autograd.Function):
-    """A frame as an operation of torch."""
+    """A frame's pressure solve as an operation of torch."""
 
     @staticmethod
     def forward(
         ctx: Any,
+        frame: Frame,
         positions: Tensor,
         velocities: Tensor,
         distance: Tensor | None,
         normal: Tensor | None,
         predicted: Tensor,
-        boundary: Boundary,
     ) -> tuple[Tensor, Tensor]:
-        """Positions and velocities (N, 3) at the frame's end."""
-        ctx.frame = Frame(positions, velocities, predicted, distance, normal, boundary, keep=True)
-        return ctx.frame.end()
+        """Positions and velocities (N, 3) at the frame's end, by an unused frame that keeps its substeps."""
+        ctx.frame = frame
+        ends = frame.run_on_tensors(positions, velocities, predicted, distance, normal)
+        frame.factors = None  # the backward pass does not read them
+        return ends
 
     @staticmethod
     @once_differentiable
     def backward(ctx: Any, of_positions: Tensor, of_velocities: Tensor) -> tuple[Tensor | None, ...]:
         """Derivatives in positions, velocities, distance and normal."""
         with runtime.on_stream(of_positions.device):
-            return *ctx.frame.backward(of_positions, of_velocities), None, None
+            return None, *ctx.frame.backward(of_positions, of_velocities), None

@@ -5,10 +5,8 @@ Green, "Particle Simulation using CUDA", 2010.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
-import torch
 import warp as wp
 
 from surfsup.sph.kernels import KERNEL_SUPPORT
@@ -17,66 +15,80 @@ from surfsup.sph.warp_engine import runtime
 from surfsup.sph.warp_engine.kernels.search import search_kernels
 from surfsup.sph.warp_engine.runtime import Precision
 
-SMALL_GRID, LARGE_GRID = 32, 128  # cells along each side of the hash grid; powers of two
+# Cells in a row along x, rows, and rows from one layer to the next. The first two are powers of two.
+SMALL_GRID, LARGE_GRID = (32, 1024, 32), (256, 16384, 641)
 LARGE_COUNT = 500_000  # particles from which the large grid is used
 CAPACITY = 64  # neighbors of a particle for which there is room at first; water has 34
+PARTS = 4096  # threads that sum up the search
 
 
-@dataclass(frozen=True)
-class NeighborTable:
-    """The neighbors within the kernel support of particles that are sorted by cell.
+class NeighborSearch:
+    """The neighbors within the kernel support of particles that are sorted by cell, in arrays that stay on the device.
+
+    A particle with more than ``capacity`` neighbors loses the others; :meth:`check` finds out.
+
+    Args:
+        count: number of particles.
+        capacity: neighbors of a particle for which there is room.
+        precision: of the positions.
+        device: Warp's.
 
     Attributes:
         order: (N,) int32, the caller's index of each sorted particle.
         neighbors: (N, capacity) int32, sorted indices.
         counts: (N,) int32, how many of them there are.
+        summary: (3,) int64: neighbor pairs, most neighbors of a particle, whether a position is not finite.
     """
 
-    order: wp.array
-    neighbors: wp.array
-    counts: wp.array
+    def __init__(self, count: int, capacity: int, precision: Precision, device: Any) -> None:
+        self.count, self.capacity, self.kernels, self.device = count, capacity, search_kernels(precision), device
+        cells_in_row, rows, layer = SMALL_GRID if count < LARGE_COUNT else LARGE_GRID
+        self.grid = wp.vec3i(cells_in_row, rows, layer)
+        # The sort needs twice the room.
+        self.cells, self.sorted = (wp.empty(2 * count, dtype=int, device=device) for _ in range(2))
+        self.order = self.sorted[:count] if count else self.sorted
+        self.starts = wp.empty(cells_in_row * rows + 1, dtype=int, device=device)
+        self.infinite = wp.empty(1, dtype=int, device=device)
+        self.middles = wp.empty(count, dtype=precision.vec3, device=device)
+        self.neighbors = empty_table(count, capacity, int, device)
+        self.counts, self.found = (wp.empty(count, dtype=int, device=device) for _ in range(2))
+        self.summary = wp.empty(3, dtype=wp.int64, device=device)
 
-    def __len__(self) -> int:
-        """The number of particles."""
-        return len(self.order)
+    def run(self, positions: wp.array, predicted: wp.array) -> None:
+        """Find the neighbors of particles halfway between ``positions`` and ``predicted`` (N, 3)."""
+        kernels, count = self.kernels, self.count
+        for array in (self.starts, self.infinite, self.summary):
+            array.zero_()
+        self._launch(
+            kernels.assign_cells,
+            count,
+            [positions, predicted, self.grid],
+            [self.cells, self.sorted, self.starts, self.infinite],
+        )
+        wp.utils.radix_sort_pairs(self.cells, self.sorted, count)
+        wp.utils.array_scan(self.starts, self.starts, inclusive=False)
+        self._launch(kernels.sort_positions, count, [positions, predicted, self.order], [self.middles])
+        self._launch(
+            kernels.list_neighbors,
+            count,
+            [self.middles, self.starts, self.grid, self.capacity],
+            [self.neighbors, self.counts, self.found],
+        )
+        parts = min(count, PARTS)
+        self._launch(kernels.summarize_search, parts, [self.found, self.infinite, parts], [self.summary])
 
+    def check(self) -> int:
+        """The capacity that the last search needed; more than there is if it must be repeated. Waits for the device.
 
-def find_neighbor_table(positions: wp.array, predicted: wp.array, precision: Precision) -> NeighborTable:
-    """The neighbors of particles halfway between ``positions`` and ``predicted`` (N, 3).
+        Raises:
+            SimulationError: a position is not finite, or the particles have collapsed into a clump.
+        """
+        pairs, most, infinite = runtime.to_torch(self.summary).cpu().tolist()
+        check_pairs(-1 if infinite else pairs, self.count, KERNEL_SUPPORT)
+        return max(most, self.capacity)
 
-    The list has room for ``CAPACITY`` neighbors of a particle. Where some particle has more, the search is repeated
-    with more room.
-
-    Raises:
-        SimulationError: a position is not finite, or the particles have collapsed into a clump.
-    """
-    kernels, device, count = search_kernels(precision), positions.device, len(positions)
-    if count == 0:
-        none = wp.empty(0, dtype=int, device=device)
-        return NeighborTable(none, empty_table(0, CAPACITY, int, device), none)
-    side = SMALL_GRID if count < LARGE_COUNT else LARGE_GRID
-    cells, order = (wp.empty(2 * count, dtype=int, device=device) for _ in range(2))  # the sort needs twice the room
-    starts = wp.zeros(side**3 + 1, dtype=int, device=device)
-    infinite = wp.zeros(1, dtype=int, device=device)
-    wp.launch(
-        kernels.assign_cells, count, [positions, predicted, side], [cells, order, starts, infinite], device=device
-    )
-    wp.utils.radix_sort_pairs(cells, order, count)
-    wp.utils.array_scan(starts, starts, inclusive=False)
-    order = order[:count]
-    middles = wp.empty(count, dtype=precision.vec3, device=device)
-    wp.launch(kernels.sort_positions, count, [positions, predicted, order], [middles], device=device)
-    counts = wp.empty(count, dtype=int, device=device)
-    capacity = CAPACITY
-    while True:
-        neighbors = empty_table(count, capacity, int, device)
-        wp.launch(kernels.list_neighbors, count, [middles, starts, side, capacity], [neighbors, counts], device=device)
-        found = runtime.to_torch(counts)
-        pairs, most, unusable = torch.stack([found.sum(), found.amax(), runtime.to_torch(infinite)[0]]).cpu().tolist()
-        check_pairs(-1 if unusable else pairs, count, KERNEL_SUPPORT)
-        if most <= capacity:
-            return NeighborTable(order, neighbors, counts)
-        capacity = most
+    def _launch(self, kernel: wp.Kernel, threads: int, inputs: list[Any], outputs: list[Any]) -> None:
+        wp.launch(kernel, threads, inputs, outputs, device=self.device)
 
 
 def empty_table(count: int, capacity: int, dtype: Any, device: Any) -> wp.array:

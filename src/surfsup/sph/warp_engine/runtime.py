@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import sys
 import tempfile
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass
 from functools import cache
@@ -18,6 +18,7 @@ from torch import Tensor
 from surfsup.errors import SimulationError
 
 STANDARD_ERROR = 2  # file descriptor
+DRIVER_WARNINGS = ("find or load the NVIDIA CUDA driver", "CUDA driver version", "https://nvidia.github.io/warp")
 
 wp.config.log_level = wp.LOG_ERROR  # no banner
 
@@ -63,11 +64,24 @@ def start(device: str) -> None:
     try:
         with without_driver_warning():
             wp.init()
+        if device != "cpu" and not wp.is_cuda_available():
+            raise RuntimeError(driver_problem(wp.get_cuda_driver_version(), wp.get_cuda_toolkit_version()))
         wp.get_device(device)
     except OSError as error:
         raise cache_error(error) from None
     except Exception as error:
         raise launch_error(device, error) from None
+
+
+def driver_problem(driver: tuple[int, int] | None, toolkit: tuple[int, int] | None) -> str:
+    """Why Warp cannot use a GPU, by the CUDA versions of the driver, None without one, and of Warp itself."""
+    if toolkit is None:
+        return "this build of Warp is for CPUs alone"
+    if driver is None:
+        return "there is no NVIDIA driver"
+    if driver[0] < toolkit[0]:
+        return f"the NVIDIA driver is for CUDA {driver[0]}.{driver[1]}, but Warp needs one for CUDA {toolkit[0]}"
+    return "the NVIDIA driver finds no GPU"
 
 
 @contextmanager
@@ -84,7 +98,7 @@ def without_driver_warning() -> Iterator[None]:
             os.close(kept)
             written.seek(0)
             lines = written.read().decode(errors="replace").splitlines(keepends=True)
-            sys.stderr.writelines(line for line in lines if "find or load the NVIDIA CUDA driver" not in line)
+            sys.stderr.writelines(line for line in lines if not any(words in line for words in DRIVER_WARNINGS))
 
 
 def load_kernels(kernels: Iterable[Any], device: str) -> None:
@@ -131,7 +145,10 @@ def memory_errors(particles: int, bytes_per_particle: int, device: torch.device)
             raise
         memory = torch.cuda.mem_get_info(device)[1] if device.type == "cuda" else 0
         room = f"; about {memory // bytes_per_particle} would fit" if memory else ""
-        raise SimulationError(f"the device '{device}' has too little memory for {particles} particles{room}") from None
+        way_out = "use fewer" if device.type == "cpu" else "use fewer, or --device cpu"
+        raise SimulationError(
+            f"the device '{device}' has too little memory for {particles} particles{room}; {way_out}"
+        ) from None
 
 
 def on_stream(device: torch.device) -> AbstractContextManager[Any]:
@@ -139,6 +156,45 @@ def on_stream(device: torch.device) -> AbstractContextManager[Any]:
     if device.type != "cuda":
         return nullcontext()
     return wp.ScopedStream(wp.stream_from_torch(torch.cuda.current_stream(device)))
+
+
+@contextmanager
+def recording(device: Any) -> Iterator[Any]:
+    """A context whose launches are recorded, not run; ``graph`` of what it yields holds them."""
+    # CUDA cannot record the stream that torch uses by default.
+    with wp.ScopedStream(wp.Stream(device)) if device.is_cuda else nullcontext(), wp.ScopedCapture(device) as capture:
+        yield capture
+
+
+def load_for(factory: Callable[[Precision], Any], like: Tensor) -> None:
+    """Have the kernels of a group for the precision and device of a tensor.
+
+    Raises:
+        SimulationError: see :func:`start` and :func:`load_kernels`.
+    """
+    load_group(factory, like.dtype, str(like.device))
+
+
+@cache
+def load_group(factory: Callable[[Precision], Any], dtype: torch.dtype, device: str) -> None:
+    """As :func:`load_for`, once for each group, precision and device."""
+    start(device)
+    load_kernels(factory(precision_of(dtype)).kernels, device)
+
+
+def warp_device(device: torch.device) -> Any:
+    """Warp's device of torch's."""
+    return wp.get_device(str(device))
+
+
+def empty_like(tensor: Tensor) -> Tensor:
+    """An uninitialized tensor that a kernel can write: contiguous, without a gradient."""
+    return torch.empty_like(tensor, memory_format=torch.contiguous_format, requires_grad=False)
+
+
+def copy_of(tensor: Tensor) -> Tensor:
+    """A copy that a kernel can write: contiguous."""
+    return tensor.clone(memory_format=torch.contiguous_format)
 
 
 def to_warp(tensor: Tensor | None, dtype: type) -> Any:

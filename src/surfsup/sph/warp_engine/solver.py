@@ -9,40 +9,164 @@ from torch import Tensor
 
 from surfsup.native.dispatch import needs_gradient
 from surfsup.sph import dfsph
+from surfsup.sph.clearance import LastQuery
 from surfsup.sph.environment import Environment
 from surfsup.sph.kernel_sums import kernel_graph
 from surfsup.sph.kernels import KERNEL_SUPPORT
 from surfsup.sph.neighbor_search import find_neighbors
 from surfsup.sph.state import ParticleState
 from surfsup.sph.warp_engine import runtime
+from surfsup.sph.warp_engine.collision import Collisions, Contained, NearList, leave_solid, near_list
+from surfsup.sph.warp_engine.device_frame import DeviceFrame
+from surfsup.sph.warp_engine.energy import LimitedFrame
 from surfsup.sph.warp_engine.frame import Boundary, DifferentiableFrame, Frame, boundary_of
 from surfsup.sph.warp_engine.kernels.adjoint import adjoint_kernels
-from surfsup.sph.warp_engine.kernels.boundary import boundary_kernels
+from surfsup.sph.warp_engine.kernels.boundary import PLANE, boundary_kernels
+from surfsup.sph.warp_engine.kernels.collision import collision_kernels
+from surfsup.sph.warp_engine.kernels.energy import energy_kernels
 from surfsup.sph.warp_engine.kernels.search import search_kernels
 from surfsup.sph.warp_engine.kernels.substeps import substep_kernels
 from surfsup.sph.warp_engine.kernels.transfer import transfer_kernels
 from surfsup.sph.warp_engine.neighbors import CAPACITY
 from surfsup.sph.warp_engine.runtime import precision_of
 
+FACTORIES = (
+    search_kernels,
+    transfer_kernels,
+    boundary_kernels,
+    substep_kernels,
+    adjoint_kernels,
+    energy_kernels,
+    collision_kernels,
+)
 INDEX_BYTES = 4
-NUMBERS, GRADIENT_NUMBERS = 70, 190  # of a particle within a frame, without and with what its gradient reads
+NUMBERS, GRADIENT_NUMBERS = 100, 260  # of a particle within a frame, without and with what its gradient reads
+
+
+class Room:
+    """For how many neighbors and for how many particles near the solid a frame has room; it grows where one needs more.
+
+    Attributes:
+        neighbors: of a particle.
+        rows: of the list of particles near the solid on a GPU; None for a share of all.
+    """
+
+    def __init__(self) -> None:
+        self.neighbors = CAPACITY
+        self.rows: int | None = None
+
+    def was_enough(self, frame: Frame, near: NearList | None = None) -> bool:
+        """Whether a frame had enough room; if not, it must be repeated. Waits for the device.
+
+        Raises:
+            SimulationError: a position is not finite, or the particles have collapsed into a clump.
+        """
+        needed, had = frame.search.check(), frame.search.capacity
+        self.neighbors = max(self.neighbors, needed)
+        if near is None or near.counted or near.rows_in_use() <= near.rows:
+            return needed <= had
+        self.rows = frame.count
+        return False
 
 
 class WarpSolver:
-    """The solver in Warp, with the last environment in the form that its kernels take."""
+    """The solver in Warp, with the arrays and the environment of its last frame."""
 
     def __init__(self) -> None:
         self._last: tuple[Environment, torch.dtype, torch.device, Boundary] | None = None
+        self._device_frame: DeviceFrame | None = None
+        self.room = Room()
+
+    @property
+    def pairs(self) -> int:
+        """Neighbor pairs of the last frame without gradients. Waits for the device."""
+        return 0 if self._device_frame is None else int(runtime.to_torch(self._device_frame.frame.search.summary)[0])
 
     def __reduce__(self) -> tuple[type[WarpSolver], tuple[()]]:
         return WarpSolver, ()
 
+    def step(
+        self, state: ParticleState, environment: Environment, handle_collisions: bool = True
+    ) -> tuple[Tensor, Tensor, Tensor]:
+        """Positions (N, 3) in meters and velocities (N, 3) in m/s one frame later, and who (N,) collided.
+
+        Differentiable in the state and, unless there is a boundary map, in the shape of the solid. The host waits for
+        the device once, at the end.
+
+        Raises:
+            SimulationError: a position is not finite, the particles have collapsed into a clump, or Warp cannot run.
+        """
+        count, device = len(state.positions), state.positions.device
+        if count == 0:
+            return state.positions, state.velocities, torch.zeros(0, dtype=torch.bool, device=device)
+        with_gradient = needs_gradient(state.positions, state.velocities, module=environment.surface)
+        boundary = self._boundary(environment, state.positions, with_gradient)
+        needed = bytes_per_particle(state.positions.dtype, with_gradient)
+        with runtime.memory_errors(count, needed, device), runtime.on_stream(device):
+            while True:
+                near = None
+                if handle_collisions and environment.surface is not None:
+                    near = near_list(state.positions, environment.surface, self.room.rows)
+                if boundary.solid == PLANE or with_gradient:
+                    frame, result = self._step_by_operations(
+                        state, environment, boundary, near, handle_collisions, with_gradient
+                    )
+                else:
+                    frame, result = self._step_by_graph(state, environment, boundary, near, handle_collisions)
+                if self.room.was_enough(frame, near):
+                    return result
+
+    def _step_by_graph(
+        self,
+        state: ParticleState,
+        environment: Environment,
+        boundary: Boundary,
+        near: NearList | None,
+        handle_collisions: bool,
+    ) -> tuple[Frame, tuple[Tensor, Tensor, Tensor]]:
+        """A frame that is recorded, but for the query of the solid by torch."""
+        if self._device_frame is None or not self._device_frame.serves(state, boundary, self.room.neighbors):
+            self._device_frame = None  # its memory first
+            self._device_frame = DeviceFrame(state, environment, boundary, self.room.neighbors)
+        device_frame = self._device_frame
+        contained = device_frame.run(state, handle_collisions)
+        if near is None:
+            return device_frame.frame, contained
+        before, collisions = state.positions, device_frame.collisions
+        result = leave_solid(collisions, before, contained, environment, None, near)
+        return device_frame.frame, (result.positions, result.velocities, result.collided)
+
+    def _step_by_operations(
+        self,
+        state: ParticleState,
+        environment: Environment,
+        boundary: Boundary,
+        near: NearList | None,
+        handle_collisions: bool,
+        keep: bool,
+    ) -> tuple[Frame, tuple[Tensor, Tensor, Tensor]]:
+        """A frame of operations that torch differentiates."""
+        values = [value.contiguous() for value in (state.positions, state.velocities)]
+        predicted, _ = state.ballistic(environment.gravity)
+        distance, normal = environment.distance_and_normal(predicted) if boundary.solid == PLANE else (None, None)
+        frame = Frame(values[0], boundary, self.room.neighbors, keep=keep)
+        ends = DifferentiableFrame.apply(frame, *values, distance, normal, predicted.detach())
+        positions, velocities = LimitedFrame.apply(environment.on_host.gravity, *values, *ends)
+        if not handle_collisions:
+            collided = torch.zeros(len(positions), dtype=torch.bool, device=positions.device)
+            return frame, (positions, velocities, collided)
+        collisions = Collisions(environment, positions)
+        contained = Contained.apply(collisions, positions, velocities)
+        if near is None:
+            return frame, contained
+        last = None if distance is None else LastQuery(predicted.detach(), distance.detach())
+        result = leave_solid(collisions, values[0], contained, environment, last, near)
+        return frame, (result.positions, result.velocities, result.collided)
+
     def advance(
         self, state: ParticleState, environment: Environment, predicted: Tensor, distance: Tensor, normal: Tensor
     ) -> tuple[Tensor, Tensor]:
-        """Positions (N, 3) in meters and velocities (N, 3) in m/s one frame later, by the pressure solve alone.
-
-        Differentiable in the state and, unless there is a boundary map, in distance and normal.
+        """Positions (N, 3) and velocities (N, 3) one frame later by the pressure solve alone, differentiable.
 
         Args:
             state: particles at the frame's start.
@@ -52,18 +176,25 @@ class WarpSolver:
             normal: (N, 3) of the solid there.
 
         Raises:
-            SimulationError: a position is not finite, the particles have collapsed into a clump, or Warp cannot run.
+            SimulationError: as :meth:`step`.
         """
-        positions, velocities = state.positions, state.velocities
-        if len(positions) == 0:
-            return positions, velocities
-        with_gradient = needs_gradient(positions, velocities, distance, normal)
-        boundary = self._boundary(environment, positions, with_gradient)
-        needed = bytes_per_particle(positions.dtype, with_gradient)
-        with runtime.memory_errors(len(positions), needed, positions.device), runtime.on_stream(positions.device):
-            if with_gradient:
-                return DifferentiableFrame.apply(positions, velocities, distance, normal, predicted.detach(), boundary)
-            return Frame(positions, velocities, predicted, distance, normal, boundary).end()
+        if len(state.positions) == 0:
+            return state.positions, state.velocities
+        return self._solve(state, environment, predicted, distance, normal)[1]
+
+    def _solve(
+        self, state: ParticleState, environment: Environment, predicted: Tensor, distance: Tensor, normal: Tensor
+    ) -> tuple[Frame, tuple[Tensor, Tensor]]:
+        values = [value.contiguous() for value in (state.positions, state.velocities, distance, normal)]
+        with_gradient = needs_gradient(*values)
+        boundary = self._boundary(environment, values[0], with_gradient)
+        needed = bytes_per_particle(values[0].dtype, with_gradient)
+        with runtime.memory_errors(len(values[0]), needed, values[0].device), runtime.on_stream(values[0].device):
+            while True:
+                frame = Frame(values[0], boundary, self.room.neighbors, keep=with_gradient)
+                ends = DifferentiableFrame.apply(frame, *values, predicted.detach())
+                if self.room.was_enough(frame):
+                    return frame, ends
 
     def observe(
         self, state: ParticleState, environment: Environment, predicted: Tensor, distance: Tensor, normal: Tensor
@@ -71,12 +202,10 @@ class WarpSolver:
         """As :meth:`advance` without gradients, and the last substep.
 
         Raises:
-            SimulationError: as :meth:`advance`.
+            SimulationError: as :meth:`step`.
         """
-        boundary = self._boundary(environment, state.positions, False)
+        frame, (positions, velocities) = self._solve(state, environment, predicted, distance, normal)
         with runtime.on_stream(state.positions.device):
-            frame = Frame(state.positions, state.velocities, predicted, distance, normal, boundary)
-            positions, velocities = frame.end()
             record = frame.record()
         neighbors = find_neighbors(0.5 * (state.positions + predicted).detach(), KERNEL_SUPPORT)
         graph = kernel_graph(record.positions, neighbors)
@@ -121,6 +250,5 @@ def load_engine(dtype: torch.dtype, device: str, with_gradient: bool) -> None:
     """
     runtime.start(device)
     precision = precision_of(dtype)
-    factories = [search_kernels, transfer_kernels, boundary_kernels, substep_kernels]
-    factories += [adjoint_kernels] if with_gradient else []
+    factories = [factory for factory in FACTORIES if with_gradient or factory is not adjoint_kernels]
     runtime.load_kernels((kernel for factory in factories for kernel in factory(precision).kernels), device)

@@ -25,16 +25,15 @@ def search_kernels(precision: Precision) -> SimpleNamespace:
         return int(wp.floor(wp.clamp(x / support, -limit, limit)))
 
     @wp.func
-    def number_of(x: int, y: int, z: int, side: int) -> int:
-        # Cell coordinates are taken modulo the side, so that any extent fits.
-        mask = side - 1
-        return ((z & mask) * side + (y & mask)) * side + (x & mask)
+    def number_of(x: int, y: int, z: int, grid: wp.vec3i) -> int:
+        # Rows along x, numbered modulo their number, and cells modulo the length of a row: any extent fits.
+        return ((z * grid[2] + y) & (grid[1] - 1)) * grid[0] + (x & (grid[0] - 1))
 
     @wp.kernel(module=module, enable_backward=False)
     def assign_cells(
         positions: wp.array(dtype=vec3),
         predicted: wp.array(dtype=vec3),
-        side: int,
+        grid: wp.vec3i,
         cells: wp.array(dtype=int),
         order: wp.array(dtype=int),
         counts: wp.array(dtype=int),
@@ -44,7 +43,7 @@ def search_kernels(precision: Precision) -> SimpleNamespace:
         middle = half * (positions[i] + predicted[i])
         cell = int(0)
         if wp.isfinite(middle):
-            cell = number_of(coordinate(middle[0]), coordinate(middle[1]), coordinate(middle[2]), side)
+            cell = number_of(coordinate(middle[0]), coordinate(middle[1]), coordinate(middle[2]), grid)
         else:
             infinite[0] = 1
         cells[i] = cell
@@ -66,33 +65,54 @@ def search_kernels(precision: Precision) -> SimpleNamespace:
     def list_neighbors(
         middles: wp.array(dtype=vec3),
         starts: wp.array(dtype=int),
-        side: int,
+        grid: wp.vec3i,
         capacity: int,
         neighbors: wp.array2d(dtype=int),
         counts: wp.array(dtype=int),
+        found_counts: wp.array(dtype=int),
     ):
         i = wp.tid()
         own = middles[i]
         x, y, z = coordinate(own[0]), coordinate(own[1]), coordinate(own[2])
-        # The three cells of a row follow each other, unless the row crosses the grid's border.
-        inner = (x & (side - 1)) > 0 and (x & (side - 1)) < side - 1
+        # The three cells of a row follow each other, unless they cross the row's end.
+        inner = (x & (grid[0] - 1)) > 0 and (x & (grid[0] - 1)) < grid[0] - 1
         parts, width = int(3), int(1)
         if inner:
             parts, width = int(1), int(3)
         found = int(0)
         for row in range(9):
             for part in range(parts):
-                first = number_of(x - 1 + part, y + row % 3 - 1, z + row // 3 - 1, side)
+                first = number_of(x - 1 + part, y + row % 3 - 1, z + row // 3 - 1, grid)
                 for j in range(starts[first], starts[first + width]):
                     if wp.length_sq(middles[j] - own) <= support * support and j != i:
                         if found < capacity:
                             neighbors[i, found] = j
                         found += 1
-        counts[i] = found
+        counts[i] = wp.min(found, capacity)
+        found_counts[i] = found
+
+    @wp.kernel(module=module, enable_backward=False)
+    def summarize_search(
+        found_counts: wp.array(dtype=int),
+        infinite: wp.array(dtype=int),
+        parts: int,
+        summary: wp.array(dtype=wp.int64),
+    ):
+        """Pairs, most neighbors of a particle, and whether a position is not finite. Integers add up in any order."""
+        part = wp.tid()
+        pairs, most = wp.int64(0), wp.int64(0)
+        for i in range(part, found_counts.shape[0], parts):
+            pairs += wp.int64(found_counts[i])
+            most = wp.max(most, wp.int64(found_counts[i]))
+        wp.atomic_add(summary, 0, pairs)
+        wp.atomic_max(summary, 1, most)
+        if part == 0:
+            summary[2] = wp.int64(infinite[0])
 
     return SimpleNamespace(
-        kernels=[assign_cells, sort_positions, list_neighbors],
+        kernels=[assign_cells, sort_positions, list_neighbors, summarize_search],
         assign_cells=assign_cells,
         sort_positions=sort_positions,
         list_neighbors=list_neighbors,
+        summarize_search=summarize_search,
     )

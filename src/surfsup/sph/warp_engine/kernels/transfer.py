@@ -5,6 +5,7 @@ from types import SimpleNamespace
 
 import warp as wp
 
+from surfsup.scene import FRAME_TIME
 from surfsup.sph.kernels import KERNEL_SUPPORT
 from surfsup.sph.warp_engine.runtime import Precision
 
@@ -14,7 +15,18 @@ def transfer_kernels(precision: Precision) -> SimpleNamespace:
     """The kernels that sort particles by cell and return them to the caller's order."""
     real, vec3 = precision.real, precision.vec3
     module = f"surfsup.transfer.{precision.name}"
-    support = real(KERNEL_SUPPORT)
+    support, frame_time = real(KERNEL_SUPPORT), real(FRAME_TIME)
+
+    @wp.kernel(module=module, enable_backward=False)
+    def predict_particles(
+        positions: wp.array(dtype=vec3),
+        velocities: wp.array(dtype=vec3),
+        fall: vec3,
+        predicted: wp.array(dtype=vec3),
+    ):
+        """Ballistic motion over a frame."""
+        i = wp.tid()
+        predicted[i] = positions[i] + frame_time * velocities[i] + fall
 
     @wp.kernel(module=module, enable_backward=False)
     def sort_particles(
@@ -101,7 +113,8 @@ def transfer_kernels(precision: Precision) -> SimpleNamespace:
         in_velocities[k] = velocity_adjoint[i] + time * through_predicted
 
     return SimpleNamespace(
-        kernels=[sort_particles, finish_particles, sort_adjoints, unsort_adjoints],
+        kernels=[predict_particles, sort_particles, finish_particles, sort_adjoints, unsort_adjoints],
+        predict_particles=predict_particles,
         sort_particles=sort_particles,
         finish_particles=finish_particles,
         sort_adjoints=sort_adjoints,
