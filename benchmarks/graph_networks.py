@@ -95,8 +95,7 @@ def report(job: str, kind: str, size: str, timings: dict[str, Timing], values: d
     print(f"{job}, {kind} {layers}x{width}: {line} ms", flush=True)
     write_result(
         f"graph_networks_{job.replace(' ', '_')}_{kind}_{size}",
-        f"Processor time of a {job} of `{kind}` at {layers}×{width}, {values['particles']:,} particles, "
-        f"threads: {threads}",
+        f"Processor time of a {job} of `{kind}` at {layers}×{width}, {values['particles']:,} particles",
         round(timings["C++"][1], 1),
         "ms",
         "the same network in torch",

@@ -113,6 +113,18 @@ def test_bf16_is_close_and_gives_full_precision_gradients(monkeypatch):
     assert all(parameter.grad.dtype == torch.float32 for parameter in model.decoder.parameters())
 
 
+def test_bf16_sums_the_gradients_of_the_layer_norm_in_full_precision(monkeypatch):
+    monkeypatch.setattr(native, "instruction_sets", list)
+    model = network(width=16, layers=1)
+    features, graph = water(600)
+    assert len(graph.edge_features) > 10_000
+    exact = torch.autograd.grad(model(features, graph).square().mean(), list(model.parameters()))
+    with torch.autocast("cpu", torch.bfloat16):
+        rounded = torch.autograd.grad(model(features, graph).square().mean(), list(model.parameters()))
+    for one, other in zip(rounded, exact, strict=True):
+        assert (one - other).norm() < 0.05 * other.norm()
+
+
 def test_edge_features_are_displacement_and_length_in_units_of_the_radius():
     near = NeighborList(torch.tensor([0, 1, 2]), torch.tensor([0, 1]), torch.tensor([1, 0]))
     graph = build_graph(torch.tensor([[0.0, 0.0, 0.0], [0.03, 0.04, 0.0]]), near, 0.1)

@@ -6,7 +6,7 @@
 
 namespace surfsup {
 
-#if defined(__AVX512BF16__)
+#if defined(__AVX512BF16__) && (defined(__clang__) || __GNUC__ >= 11)
 const MessagePassingKernels* avx512_bf16() {
     static constexpr MessagePassingKernels kernels = ISA::message_passing_kernels<ISA::Bfloat16>();
     return __builtin_cpu_supports("avx512bf16") ? &kernels : nullptr;

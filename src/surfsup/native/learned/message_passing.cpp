@@ -11,7 +11,7 @@ namespace surfsup {
 namespace {
 
 constexpr int32_t PORTION = 4 * ROW_TILE;  // rows or receivers
-constexpr int SLICES = 16;  // of the rows; their gradients are added in this order, whatever the number of threads
+constexpr int SLICES = 8;  // of the rows; their gradients are added in this order, whatever the number of threads
 
 const MessagePassingKernels& kernels_of(const Isa& isa, Precision precision) {
     if (precision == Precision::FLOAT32) return isa.float32;
@@ -62,16 +62,17 @@ public:
     PackedPerceptron(const PerceptronWeights& weights, Precision first, Precision precision, bool backward)
         : no_bias_(static_cast<size_t>(padded(std::max(weights.depth, weights.width), WIDTH_UNIT)), 0.0f) {
         const int depth = weights.depth, width = weights.width;
-        packed_.reserve(6);
+        packed_.reserve(3);
         view_ = {};
         view_.depth = depth, view_.width = width, view_.epsilon = weights.epsilon;
-        view_.first = pack(first, weights.first, 1, depth, depth, width);
-        view_.hidden = pack(precision, weights.hidden, 1, width, width, width);
-        view_.output = pack(precision, weights.output, 1, width, width, width);
         if (backward) {
             view_.first_transposed = pack(first, weights.first, depth, 1, width, depth);
             view_.hidden_transposed = pack(precision, weights.hidden, width, 1, width, width);
             view_.output_transposed = pack(precision, weights.output, width, 1, width, width);
+        } else {
+            view_.first = pack(first, weights.first, 1, depth, depth, width);
+            view_.hidden = pack(precision, weights.hidden, 1, width, width, width);
+            view_.output = pack(precision, weights.output, 1, width, width, width);
         }
         view_.no_bias = no_bias_.data();
         view_.first_bias = weights.first_bias ? weights.first_bias : no_bias_.data();

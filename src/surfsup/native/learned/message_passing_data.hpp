@@ -15,8 +15,8 @@ constexpr int padded(int value, int unit) { return (value + unit - 1) / unit * u
 // product takes at once, one in float32 and two in bfloat16: [input / group][output][input % group]. The inputs are padded.
 struct Perceptron {
     int depth, width;                                                      // of the input; of all layers
-    const void *first, *hidden, *output;                                   // packed
-    const void *first_transposed, *hidden_transposed, *output_transposed;  // packed, for gradients
+    const void *first, *hidden, *output;                                   // packed, in a forward pass
+    const void *first_transposed, *hidden_transposed, *output_transposed;  // packed, in a backward pass
     const float *first_bias, *hidden_bias, *output_bias, *scale, *shift;   // (width); an edge's first layer has no bias
     const float* no_bias;                                                  // zeros, as many as the widest matrix has columns
     float epsilon;
