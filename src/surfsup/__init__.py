@@ -19,8 +19,9 @@ if TYPE_CHECKING:
     from surfsup import datasets, design
     from surfsup.errors import InputError, SimulationError
     from surfsup.evaluation.pair import evaluate_pair as evaluate
+    from surfsup.exporting.export import export
     from surfsup.io.trajectory import Trajectory
-    from surfsup.scene import Block, Container, Scene, load_mesh
+    from surfsup.scene import Block, Container, Fill, ParticleFile, Scene, load_mesh
     from surfsup.scene.pose import Pose
     from surfsup.sdf import (
         Bowl,
@@ -44,7 +45,8 @@ _MODULES = {
     "InputError": "errors",
     "SimulationError": "errors",
     "Trajectory": "io.trajectory",
-    **dict.fromkeys(("Block", "Container", "Scene", "load_mesh"), "scene"),
+    "export": "exporting.export",
+    **dict.fromkeys(("Block", "Container", "Fill", "ParticleFile", "Scene", "load_mesh"), "scene"),
     "Pose": "scene.pose",
     **dict.fromkeys(("Bowl", "Box", "CappedCone", "Cylinder", "Difference", "Funnel", "Heightfield"), "sdf"),
     **dict.fromkeys(("Intersection", "Sphere", "Surface", "Torus", "Transformed", "Union"), "sdf"),
@@ -59,11 +61,13 @@ __all__ = [
     "Container",
     "Cylinder",
     "Difference",
+    "Fill",
     "Frame",
     "Funnel",
     "Heightfield",
     "InputError",
     "Intersection",
+    "ParticleFile",
     "Pose",
     "Scene",
     "Simulation",
@@ -79,6 +83,7 @@ __all__ = [
     "datasets",
     "design",
     "evaluate",
+    "export",
     "load_mesh",
 ]
 

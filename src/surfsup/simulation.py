@@ -15,14 +15,15 @@ from surfsup.errors import InputError
 from surfsup.io.trajectory import Provenance, TrajectoryWriter
 from surfsup.learned.loading import DEFAULT_SIMULATOR, load_simulator
 from surfsup.scene import FRAME_TIME, InitialParticles, Scene
-from surfsup.scene.pose import NO_ROTATION, Pose
+from surfsup.scene.pose import NO_ROTATION, Pose, between
 from surfsup.sph.collision import resolve_collisions
 from surfsup.sph.device import choose_device
 from surfsup.sph.environment import Environment
+from surfsup.sph.interpolation import ROUNDING, hermite
+from surfsup.sph.moving import FrameMotion, MovingSolids
 from surfsup.sph.scene_motion import SceneMotion, warn_jumps
+from surfsup.sph.settle import start_of
 from surfsup.sph.simulator import FluidState, Simulator
-
-ROUNDING = 1e-6  # of a frame, by which times may differ
 
 
 @dataclass(frozen=True)
@@ -55,8 +56,9 @@ class SimulationState:
 
     Attributes:
         frame: number of steps since the start of the scene.
-        fluid: the simulator's own state, with tensors ``positions`` and ``velocities`` (N, 3).
-        poses: of all that moves, by name.
+        fluid: the simulator's own state, with tensors ``positions`` and ``velocities`` (N, 3), in the units of the
+            simulator (:class:`surfsup.scene.Units`); with particles of 15 mm these are meters and m/s.
+        poses: of all that moves, by name, in the units of the scene.
 
     Examples:
         >>> import surfsup as sf
@@ -120,17 +122,18 @@ class Simulation:
             simulator, _ = load_simulator(simulator)
         self._device = choose_device("cpu" if device is None and scene.moves else device)
         self._simulator = simulator.to(self._device)
+        self._units, self._start_time = scene.units, scene.start_time
         self.motion = SceneMotion(scene)
         self.surface = self.motion.solids.still
-        start = self.motion.solids.at_start()
-        self.particles = scene.initial_particles(start) if particles is None else particles
+        solid = self.motion.solids.at_time(self._start_time)
+        self.particles = start_of(scene, solid) if particles is None else particles
         self._environment = self._make_environment()
+        start = self._units.particles_to_solver(self.particles)
         positions, velocities = (
-            torch.from_numpy(values).to(self._device)
-            for values in (self.particles.positions, self.particles.velocities)
+            torch.from_numpy(values).to(self._device) for values in (start.positions, start.velocities)
         )
         fluid = self._simulator.initial_state(positions, velocities, self._environment)
-        self._start = SimulationState(0, fluid, self.motion.solids.poses(0.0))
+        self._start = SimulationState(0, fluid, self.motion.solids.poses(self._start_time))
         self._state = self._start
 
     @property
@@ -140,13 +143,13 @@ class Simulation:
 
     @property
     def time(self) -> float:
-        """Seconds since the start of the scene."""
-        return self._state.frame * FRAME_TIME
+        """Seconds since the start of the scene, or of the one that it continues."""
+        return self._start_time + self._state.frame * self._units.frame_time
 
     @property
     def frame(self) -> Frame:
         """The particles now."""
-        return as_frame(self.time, self._state.fluid.positions, self._state.fluid.velocities, self._state.poses)
+        return self._as_frame(self.time, self._state.fluid.positions, self._state.fluid.velocities, self._state.poses)
 
     def reset(self, state: SimulationState | None = None) -> None:
         """Return to an earlier state of this simulation, or of one of the same scene; by default to the start.
@@ -163,16 +166,19 @@ class Simulation:
 
     @torch.no_grad()
     def step(self) -> Frame:
-        """Advance by 0.005 s and return the particles.
+        """Advance by a frame of the simulator and return the particles.
+
+        That is 0.005 s with particles of 15 mm, and in proportion to the root of their radius with others.
 
         Raises:
             SimulationError: the simulation failed: particles are at infinity or collapsed into a clump.
         """
         number, environment = self._state.frame + 1, self._environment
-        poses = self.motion.next_poses(self._state.poses, number * FRAME_TIME)
+        poses = self.motion.next_poses(self._state.poses, self._start_time + number * self._units.frame_time)
         if environment.moving is not None:
-            environment = environment.moved(environment.moving.between(self._state.poses, poses))
-            warn_jumps(environment, number)
+            motion = self._motion_between(environment.moving, self._state.poses, poses)
+            warn_jumps(motion, number, self._units)
+            environment = environment.moved(motion)
         fluid, _ = self._simulator.step(self._state.fluid, environment, self.handle_collisions)
         self._state = SimulationState(number, fluid, poses)
         return self.frame
@@ -202,14 +208,17 @@ class Simulation:
         if self.motion.override(name, motion):
             return
         # What stood still so far moves from now on, in a frame of its own.
-        poses = {name: self.motion.solids.poses(0.0)[name], **self._state.poses}
+        rest = self.motion.solids.poses(self._start_time)
+        poses = {name: rest[name], **self._state.poses}
         self.surface = self.motion.solids.still
         self._environment = self._make_environment()
         self._state = replace(self._state, poses=poses)
-        self._start = replace(self._start, poses=self.motion.solids.poses(0.0))
+        self._start = replace(self._start, poses=rest)
 
     def _make_environment(self) -> Environment:
-        environment = Environment.of(self.scene, self.motion.solids.still, self._device, self.motion.solids)
+        solids = self._units.solids_to_solver(self.motion.solids, self._start_time)
+        solver_scene = self._units.scene_to_solver(self.scene)
+        environment = Environment.of(solver_scene, solids.still, self._device, solids)
         self._simulator.check_knows(environment)
         return environment
 
@@ -220,17 +229,19 @@ class Simulation:
         out of the solid where the spline enters it.
 
         Args:
-            seconds: simulated time; by default the scene's frames of 0.005 s.
-            fps: frames per second, at most 200; by default every step is a frame.
+            seconds: simulated time; by default that of the scene's frames.
+            fps: frames per second, at most one frame a step (200 with particles of 15 mm); by default those of the
+                scene, in which every step is a frame unless it says otherwise.
 
         Raises:
             InputError: a value is out of range.
             SimulationError: as :meth:`step`.
         """
-        steps = self.scene.frames if seconds is None else seconds / FRAME_TIME
-        interval = 1.0 if fps is None else 1 / (fps * FRAME_TIME) if fps > 0 else math.inf
+        frame_time = self._units.frame_time
+        interval = (self.scene.frame_time if fps is None else 1 / fps if fps > 0 else math.inf) / frame_time
+        steps = self.scene.frames * interval if seconds is None else seconds / frame_time
         if not (0 < steps < math.inf and 1 - ROUNDING <= interval < math.inf):
-            raise InputError(f"seconds must be above 0 and fps above 0 and at most {1 / FRAME_TIME:g}")
+            raise InputError(f"seconds must be above 0 and fps above 0 and at most {1 / frame_time:.5g}")
         return self._frames(self._state.frame, steps, interval)
 
     def record(self, path: str | Path, seconds: float | None = None) -> None:
@@ -267,35 +278,27 @@ class Simulation:
         if part > 1 - ROUNDING:
             return self.frame
         old, new = before.fluid, self._state.fluid
-        positions, velocities = hermite(old, new, part)
+        positions, velocities = hermite((old.positions, old.velocities), (new.positions, new.velocities), part)
         environment, poses = self._environment, before.poses
         if environment.moving is not None:
-            motion = environment.moving.between(before.poses, self._state.poses).part(0, part)
-            environment, poses = environment.moved(motion), motion.end
+            poses = {name: between(pose, self._state.poses[name], part) for name, pose in before.poses.items()}
+            environment = environment.moved(self._motion_between(environment.moving, before.poses, poses, part))
         if self.handle_collisions:
             result = resolve_collisions(old.positions, positions, velocities, environment)
             positions, velocities = result.positions, result.velocities
-        return as_frame(target * FRAME_TIME, positions, velocities, poses)
+        time = self._start_time + target * self._units.frame_time
+        return self._as_frame(time, positions, velocities, poses)
 
+    def _motion_between(
+        self, moving: MovingSolids, start: Mapping[str, Pose], end: Mapping[str, Pose], part: float = 1.0
+    ) -> FrameMotion:
+        """The motion between poses of the scene in a part of a frame, in the units of the solver."""
+        before, after = ({name: self._units.pose_to_solver(pose) for name, pose in of.items()} for of in (start, end))
+        return moving.between(before, after, part * FRAME_TIME)
 
-def hermite(old: FluidState, new: FluidState, part: float) -> tuple[torch.Tensor, torch.Tensor]:
-    """Positions and velocities (N, 3) at a ``part`` of the way between two frames, on cubic Hermite splines."""
-    s, h = part, FRAME_TIME
-    positions = (
-        (1 + 2 * s) * (1 - s) ** 2 * old.positions
-        + s * (1 - s) ** 2 * h * old.velocities
-        + s**2 * (3 - 2 * s) * new.positions
-        + s**2 * (s - 1) * h * new.velocities
-    )
-    velocities = (
-        6 * s * (1 - s) / h * (new.positions - old.positions)
-        + (1 - s) * (1 - 3 * s) * old.velocities
-        + s * (3 * s - 2) * new.velocities
-    )
-    return positions, velocities
-
-
-def as_frame(time: float, positions: torch.Tensor, velocities: torch.Tensor, poses: Mapping[str, Pose]) -> Frame:
-    """A frame with copies of the particles as NumPy arrays."""
-    place, speed = (values.detach().float().cpu().numpy().copy() for values in (positions, velocities))
-    return Frame(time, place, speed, poses)
+    def _as_frame(
+        self, time: float, positions: torch.Tensor, velocities: torch.Tensor, poses: Mapping[str, Pose]
+    ) -> Frame:
+        """A frame with copies of the particles as NumPy arrays, in the units of the scene."""
+        arrays = (values.detach().float().cpu().numpy().copy() for values in (positions, velocities))
+        return Frame(time, *self._units.frame_from_solver(*arrays), poses)

@@ -3,7 +3,7 @@ import json
 import numpy as np
 import pytest
 
-from surfsup.errors import InputError
+from surfsup.errors import InputError, Interrupted
 from surfsup.io.output_folder import OutputFolder
 from surfsup.io.trajectory import Provenance, Trajectory
 from surfsup.scene import Scene
@@ -56,7 +56,7 @@ def test_particles_in_the_solid_and_out_of_the_container_are_counted(tmp_path):
 
 def test_an_interrupt_keeps_the_finished_frames(tmp_path):
     folder = OutputFolder(tmp_path, COUNT, 12)
-    with pytest.raises(KeyboardInterrupt):
+    with pytest.raises(Interrupted, match=f"5 of 12 frames are kept in {folder.trajectory}"):
         record(folder, frames(stop=5))
     with Trajectory(folder.trajectory) as trajectory:
         assert len(trajectory) == 5

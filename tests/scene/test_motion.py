@@ -184,7 +184,7 @@ def test_what_stands_still_is_one_surface_and_what_moves_is_in_its_own_frame():
     np.testing.assert_allclose(scene.build_surface().distance(points), [0.15, 0.25], atol=1e-6)
     (paddle,) = solids.moving
     np.testing.assert_allclose(paddle.surface.bounds(), [[-0.1, -0.05, -0.05], [0.1, 0.05, 0.05]], atol=1e-6)
-    start = solids.at_start()  # the long side is along y
+    start = solids.at_time(0.0)  # the long side is along y
     np.testing.assert_allclose(start.distance(torch.tensor([[0.0, 0.2, 0.5], [0.2, 0.0, 0.5]])), [0.1, 0.15], atol=1e-6)
 
 

@@ -3,6 +3,7 @@ import os
 import signal
 import subprocess
 import tempfile
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from surfsup.io.trajectory import Provenance, Trajectory, TrajectoryWriter
 from surfsup.scene import FRAME_TIME, Block, Scene
 from surfsup.scene.solids import build_solids
 from surfsup.splishsplash import job_files, solver
+from tests.scene.similar import similar_scene
 
 try:
     solver.check_installed()
@@ -226,6 +228,36 @@ def test_a_missing_solver_is_reported_by_the_child(tmp_path, monkeypatch):
 
 def test_an_installed_solver_is_no_error():
     solver.check_installed()
+
+
+def test_similar_scenes_give_the_same_frames_after_scaling():
+    runs = []
+    for factor in (1.0, 1 / 3):
+        scene = similar_scene(factor, frames=6)
+        surface = scene.build_surface()
+        runs.append(list(solver.simulate(scene, surface, scene.initial_particles(surface))))
+    for (positions, velocities), (small_positions, small_velocities) in zip(*runs, strict=True):
+        np.testing.assert_allclose(3 * small_positions, positions, atol=2e-4)
+        assert np.abs(np.sqrt(3) * small_velocities - velocities).mean() < 2e-3
+
+
+def test_frames_come_at_the_rate_of_the_scene():
+    block = Block((-0.1, -0.1, 1.0), (0.1, 0.1, 1.2), velocity=(1.0, 0.0, 0.0))
+    scene = Scene(fluid=[block], fps=60, frames=4)
+    frames = list(solver.simulate(scene, None, scene.initial_particles(None)))
+    assert len(frames) == 4
+    for number, (positions, velocities) in enumerate(frames):
+        np.testing.assert_allclose(positions[:, 0] - frames[0][0][:, 0], number / 60, atol=1e-4)
+        np.testing.assert_allclose(velocities[:, 2], -9.81 * number / 60, atol=1e-2)
+
+
+def test_every_particle_starts_at_its_own_velocity():
+    scene = Scene(fluid=[Block((-0.1, -0.1, 1.0), (0.1, 0.1, 1.2))], gravity=(0.0, 0.0, 0.0), frames=2)
+    start = scene.initial_particles(None)
+    away = 2 * (start.positions - start.positions.mean(axis=0))
+    frames = list(solver.simulate(scene, None, replace(start, block_velocities=[away])))
+    np.testing.assert_allclose(frames[0][1], away, atol=1e-6)
+    np.testing.assert_allclose(frames[1][0], start.positions + 0.005 * away, atol=1e-4)
 
 
 def test_a_solid_that_moves_is_where_the_scene_says_and_pushes_the_water():

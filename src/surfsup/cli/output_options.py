@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from surfsup.cli.progress import progress_bar
+from surfsup.cli.status import after_interrupt
 
 if TYPE_CHECKING:
     from surfsup.io.output_folder import OutputFolder, Summary
@@ -21,22 +22,27 @@ class OutputOptions:
     out: Annotated[Path | None, typer.Option("-o", "--out", help="Output folder; out/NAME by default.")] = None
     no_page: Annotated[bool, typer.Option("--no-page", help="Omit page.html.")] = False
     no_video: Annotated[bool, typer.Option("--no-video", help="Omit video.mp4.")] = False
+    export: Annotated[str | None, typer.Option(metavar="FORMAT", help="Export too; see surfsup export.")] = None
+    export_fps: Annotated[float, typer.Option(help="Frames per second of the export.")] = 24.0
 
     def create_folder(self, source: Path, particles: int, frames: int) -> OutputFolder:
         """Create the output folder of a simulation of ``source``.
 
         Raises:
-            InputError: the folder is unusable, or this machine cannot render the video.
+            InputError: the folder is unusable, or this machine cannot render the video or write the export.
         """
+        from surfsup.exporting.formats import check_export
         from surfsup.io.output_folder import OutputFolder
         from surfsup.viewing.graphics import require_graphics
 
         if not self.no_video:
             require_graphics()
+        if self.export:
+            check_export(self.export, self.export_fps)
         return OutputFolder(self.out or Path("out") / source.stem, particles, frames)
 
     def finish(self, folder: OutputFolder, summary: Summary, excluded: int) -> None:
-        """Write page and video, then print what the folder contains.
+        """Write page, video and export, then print what the folder contains.
 
         Args:
             folder: the folder with the trajectory.
@@ -45,12 +51,15 @@ class OutputOptions:
         """
         from surfsup.viewing.trajectory_pictures import write_trajectory_page, write_trajectory_video
 
-        if not self.no_page:
-            with progress_bar("writing the page") as bar:
-                write_trajectory_page(folder.trajectory, folder.page, bar)
-        if not self.no_video:
-            with progress_bar("rendering the video") as bar:
-                write_trajectory_video(folder.trajectory, folder.video, bar)
+        with after_interrupt(
+            f"the whole trajectory is kept in {folder.trajectory}; for its pictures there are the verbs view and render"
+        ):
+            if not self.no_page:
+                with progress_bar("writing the page") as bar:
+                    write_trajectory_page(folder.trajectory, folder.page, bar)
+            if not self.no_video:
+                with progress_bar("rendering the video") as bar:
+                    write_trajectory_video(folder.trajectory, folder.video, bar)
         if excluded:
             typer.echo(f"{excluded} particles that overlap the solid or each other at the start were omitted")
         typer.echo(
@@ -63,3 +72,13 @@ class OutputOptions:
             typer.echo(f"page        {folder.page}  (open it in a browser, no network needed)")
         if not self.no_video:
             typer.echo(f"video       {folder.video}")
+        if self.export:
+            from surfsup.cli.export import print_export
+            from surfsup.exporting.export import export
+
+            with progress_bar(f"exporting {self.export}") as bar:
+                folder_name = folder.path / "export"
+                done = export(
+                    folder.trajectory, self.export, folder_name, self.export_fps, overwrite=True, progress=bar
+                )
+            print_export(done)

@@ -13,7 +13,7 @@ import numpy as np
 import torch
 
 from surfsup import __version__
-from surfsup.errors import InputError
+from surfsup.errors import InputError, Interrupted
 from surfsup.io.trajectory import Provenance, TrajectoryWriter
 from surfsup.scene import Container, Scene
 from surfsup.scene.pose import Pose
@@ -100,7 +100,7 @@ class OutputFolder:
     ) -> Summary:
         """Write the frames while the simulator computes them, then the summary.
 
-        After an interrupt, which propagates, the trajectory holds the finished frames and the summary describes them.
+        After an interrupt the trajectory holds the finished frames and the summary describes them.
 
         Args:
             scene: the simulated scene.
@@ -112,6 +112,7 @@ class OutputFolder:
 
         Raises:
             InputError: the trajectory cannot be written.
+            Interrupted: the user interrupted the simulation after its first frame.
         """
         began, simulating = time.perf_counter(), 0.0
         counts: list[tuple[int, int]] = []  # per frame: particles in the solid, particles out of the container
@@ -129,6 +130,11 @@ class OutputFolder:
                     counts.append(count_penetrations(scene.container, solids, frame[0], frame[2]))
                     writer.append(*frame)
                     on_progress(writer.frames, scene.frames)
+        except KeyboardInterrupt:
+            if not writer.frames:
+                raise
+            kept = f"{writer.frames} of {scene.frames} frames are kept in {self.trajectory}"
+            raise Interrupted(kept) from None
         finally:
             done = writer.frames  # an interrupt may occur between counting a frame and writing it
             penetrations, out_of_container = (sum(column) for column in zip((0, 0), *counts[:done], strict=True))

@@ -21,7 +21,7 @@ from isal import isal_zlib
 
 from surfsup import __version__
 from surfsup.errors import InputError
-from surfsup.scene import FRAME_TIME, PARTICLE_RADIUS, Scene
+from surfsup.scene import Scene
 from surfsup.scene.pose import Pose
 
 GROUP = "00000"
@@ -71,7 +71,7 @@ class TrajectoryFrames:
         if not path.is_file():
             raise InputError(f"{path}: there is no such trajectory file")
         try:
-            self._file = h5py.File(path, "r")
+            self._file = self._open(path)
         except OSError as error:
             raise InputError(not_a_trajectory(path, error)) from None
         try:
@@ -81,6 +81,9 @@ class TrajectoryFrames:
             if isinstance(error, OSError | KeyError | TypeError | ValueError) and not isinstance(error, InputError):
                 raise InputError(not_a_trajectory(path, error)) from None
             raise
+
+    def _open(self, path: Path) -> h5py.File:
+        return h5py.File(path, "r")
 
     def _read(self, path: Path) -> None:
         self.positions, self.velocities = (self._frames_of(name) for name in ("position", "velocity"))
@@ -119,6 +122,7 @@ class Trajectory(TrajectoryFrames):
         scene: the simulated scene.
         provenance: simulator, seed and version.
         frame_time: seconds between frames.
+        start_time: seconds, of the first frame; above 0 where the scene continues another trajectory.
         radius: particle radius in meters.
         poses: (frames, 7) float64 by name, of every solid that moves, and of a container that moves: position x, y, z
             in meters and rotation, a unit quaternion w, x, y, z. Empty in a file without any.
@@ -137,6 +141,7 @@ class Trajectory(TrajectoryFrames):
         attributes = dict(self._file.attrs)
         self.scene = Scene.from_yaml(str(attributes["scene"]), f"{path} (scene)", path.parent)
         self.frame_time, self.radius = float(attributes["frame_time"]), float(attributes["radius"])
+        self.start_time = float(attributes.get("start_time", 0.0))
         self.provenance = Provenance(str(attributes["model"]), int(attributes["seed"]), str(attributes["version"]))
         self.poses = {name: self._poses_of(name) for name in self._file.get(POSES, ())}
 
@@ -180,8 +185,9 @@ class TrajectoryWriter:
         self._file.attrs.update(
             {
                 "scene": text,
-                "frame_time": FRAME_TIME,
-                "radius": PARTICLE_RADIUS,
+                "frame_time": scene.frame_time,
+                "start_time": scene.start_time,
+                "radius": scene.particle_radius,
                 "model": provenance.simulator,
                 "seed": provenance.seed,
                 "version": provenance.version,

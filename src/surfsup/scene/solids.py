@@ -95,9 +95,9 @@ class Solids:
         parts = placed if self.still is None else [self.still, *placed]
         return None if not parts else parts[0] if len(parts) == 1 else Union(*parts)
 
-    def at_start(self) -> Surface | None:
-        """All solids as one surface at the start of the scene."""
-        return self.at(self.poses(0.0))
+    def at_time(self, time: float) -> Surface | None:
+        """All solids as one surface in the world, at a time in seconds."""
+        return self.at(self.poses(time))
 
 
 def build_solids(scene: Scene, movable: Collection[str] = ()) -> Solids:
@@ -117,19 +117,19 @@ def build_solids(scene: Scene, movable: Collection[str] = ()) -> Solids:
     for name, entry in scene.surfaces.items():
         motion = entry.motion if isinstance(entry, NamedShape) else None
         if motion is None and name not in movable:
-            still.append(entry.surface(scene.folder) if isinstance(entry, Shape) else entry)
+            still.append(entry.surface(scene.base_folder) if isinstance(entry, Shape) else entry)
             continue
         shape = as_named_shape(entry)
         if shape is None:
             assert isinstance(entry, Surface)
             rest, surface = Pose.of(), entry
         else:
-            rest, surface = shape.rest, shape.own_surface(scene.folder)
-        pose = constant(rest) if motion is None else motion.pose_function(rest, scene.folder)
+            rest, surface = shape.rest, shape.own_surface(scene.base_folder)
+        pose = constant(rest) if motion is None else motion.pose_function(rest, scene.base_folder)
         moving.append(MovingSolid(name, surface, pose))
     container, shaken = None, scene.container.motion
     if shaken is not None or CONTAINER in movable:
-        container = constant(Pose.of()) if shaken is None else shaken.pose_function(Pose.of(), scene.folder)
+        container = constant(Pose.of()) if shaken is None else shaken.pose_function(Pose.of(), scene.base_folder)
     parts = [surface for surface in still if surface is not None]
     return Solids(None if not parts else parts[0] if len(parts) == 1 else Union(*parts), tuple(moving), container)
 

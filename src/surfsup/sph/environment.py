@@ -55,14 +55,15 @@ class Environment:
         device: torch.device | str = "cpu",
         solids: Solids | None = None,
     ) -> Environment:
-        """The environment of a scene.
+        """The environment of a scene in the units of the simulators (:class:`surfsup.scene.Units`).
 
         Args:
-            scene: the scene.
+            scene: the scene, converted (:meth:`surfsup.scene.Units.scene_to_solver`).
             surface: what stands still in it.
             device: of the tensors.
             solids: all solids, if they were built before.
         """
+        assert scene.units.same, "convert the scene first"
         container = scene.container
         if solids is None and scene.moves:
             solids = build_solids(scene)

@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-from functools import cache
-
 import torch
 from torch import Tensor
 
-from surfsup import native
 from surfsup.errors import InputError
 from surfsup.sph.collision import resolve_collisions
 from surfsup.sph.energy import limit_energy_gain
 from surfsup.sph.environment import Environment
-from surfsup.sph.moving import FrameMotion
-from surfsup.sph.native_solver import NativeSolver, can_step_native, solver_parameters
-from surfsup.sph.state import SUBSTEPS, ParticleState
+from surfsup.sph.native_solver import NativeSolver, can_step_native
+from surfsup.sph.state import SUBSTEPS, FramePart, ParticleState
 
 
 def step_among_moving(
@@ -37,40 +33,26 @@ def step_among_moving(
             "use --device cpu, and see 'surfsup doctor' for what the C++ code needs"
         )
     pieces = motion.pieces()
+    substeps = max(1, SUBSTEPS // len(pieces))
     collided = torch.zeros(len(state.positions), dtype=torch.bool)
     for piece in pieces:
-        moved = environment.moved(piece)
-        state, here = step_piece(solver, state, moved, piece, len(pieces), handle_collisions)
+        part = FramePart(piece.seconds, substeps)
+        state, here = step_part(solver, state, environment.moved(piece), handle_collisions, part)
         collided |= here
     return state, collided
 
 
-def step_piece(
-    solver: NativeSolver,
-    state: ParticleState,
-    environment: Environment,
-    motion: FrameMotion,
-    pieces: int,
-    handle_collisions: bool,
+def step_part(
+    solver: NativeSolver, state: ParticleState, environment: Environment, handle_collisions: bool, part: FramePart
 ) -> tuple[ParticleState, Tensor]:
-    """The state after one of the ``pieces`` of a frame, and which particles (N,) collision handling moved."""
-    engine = None if pieces == 1 else piece_solver(max(1, SUBSTEPS // pieces), motion.seconds)
-    frame = solver.step(state, environment, handle_collisions, engine)
+    """The state after a part of a frame, and which particles (N,) collision handling moved."""
+    frame = solver.step(state, environment, handle_collisions, part)
     if frame.finished:
         return ParticleState(frame.positions, frame.velocities), frame.collided
-    gravity, substeps = environment.gravity, SUBSTEPS if engine is None else max(1, SUBSTEPS // pieces)
-    fall = (substeps + 1) / (2 * substeps) * motion.seconds**2 * gravity
-    ballistic = state.positions + motion.seconds * state.velocities + fall, state.velocities + motion.seconds * gravity
     positions, velocities = limit_energy_gain(
-        state, frame.positions, frame.velocities, gravity, frame.solid_work, ballistic
+        state, frame.positions, frame.velocities, environment.gravity, part, frame.solid_work
     )
     if not handle_collisions:
         return ParticleState(positions, velocities), frame.collided
     result = resolve_collisions(state.positions, positions, velocities, environment)
     return ParticleState(result.positions, result.velocities), result.collided
-
-
-@cache
-def piece_solver(substeps: int, seconds: float) -> native.Solver:
-    """The solver for pieces of that many substeps and seconds."""
-    return native.Solver(solver_parameters(substeps, seconds))

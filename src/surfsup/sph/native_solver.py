@@ -11,7 +11,7 @@ from torch import Tensor
 
 from surfsup import native
 from surfsup.native.dispatch import can_run_native, fastest_isa
-from surfsup.scene import FRAME_TIME, WALL_CELL
+from surfsup.scene import WALL_CELL
 from surfsup.sph import dfsph
 from surfsup.sph.boundary import density, walls
 from surfsup.sph.boundary.boundary_map import NO_ROTATION
@@ -24,7 +24,7 @@ from surfsup.sph.moving import no_query
 from surfsup.sph.native_query import native_query
 from surfsup.sph.neighbor_search import find_neighbors
 from surfsup.sph.stability import check_pairs, max_pairs
-from surfsup.sph.state import SUBSTEPS, ParticleState
+from surfsup.sph.state import WHOLE_FRAME, FramePart, ParticleState
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ class NativeSolver:
 
     def __init__(self, isa: str | None = None) -> None:
         self.isa = isa or fastest_isa()
-        self.solver = native.Solver(solver_parameters())
+        self.solvers = {WHOLE_FRAME: native.Solver(solver_parameters())}
         self._last: tuple[Environment, LastQuery] | None = None
         self._moving_queries: tuple[np.ndarray, np.ndarray] | None = None
 
@@ -69,9 +69,9 @@ class NativeSolver:
         state: ParticleState,
         environment: Environment,
         handle_collisions: bool = True,
-        solver: native.Solver | None = None,
+        part: FramePart = WHOLE_FRAME,
     ) -> NativeFrame:
-        """One frame, or a piece of one by another ``solver``.
+        """One frame, or a ``part`` of one.
 
         The pressure solve reads the boundary map. Only collision handling needs exact distances, and only of
         particles that may have come near the solid since their last query.
@@ -79,7 +79,7 @@ class NativeSolver:
         Raises:
             SimulationError: a position is not finite, or the particles have collapsed into a clump.
         """
-        return self._run(state, environment, handle_collisions, None, solver)
+        return self._run(state, environment, handle_collisions, None, part)
 
     def observe(self, state: ParticleState, environment: Environment) -> tuple[NativeFrame, dfsph.Substep]:
         """One frame without energy limit and collision handling, and its last substep, for a network to correct.
@@ -117,8 +117,10 @@ class NativeSolver:
         environment: Environment,
         handle_collisions: bool,
         record: tuple[np.ndarray, ...] | None,
-        solver: native.Solver | None = None,
+        part: FramePart = WHOLE_FRAME,
     ) -> NativeFrame:
+        if part not in self.solvers:
+            self.solvers[part] = native.Solver(solver_parameters(part))
         positions, velocities = state.positions.contiguous().numpy(), state.velocities.contiguous().numpy()
         count = len(positions)
         query_positions, query_distance = self._last_query(environment, count)
@@ -128,7 +130,7 @@ class NativeSolver:
         moving = None
         if environment.motion is not None:
             moving = environment.motion.native(*self._last_moving_queries(environment, count))
-        result = (solver or self.solver).step(
+        result = self.solvers[part].step(
             positions=positions,
             velocities=velocities,
             gravity=environment.gravity.numpy(),
@@ -185,8 +187,8 @@ def can_step_native(state: ParticleState, environment: Environment) -> bool:
 
 
 @cache
-def solver_parameters(substeps: int = SUBSTEPS, seconds: float = FRAME_TIME) -> native.SolverParameters:
-    """The constants of the solver for C++ code, for a frame or a piece of one that takes ``seconds``."""
+def solver_parameters(part: FramePart = WHOLE_FRAME) -> native.SolverParameters:
+    """The constants of the solver for C++ code, for a frame or a part of one."""
     boundary = native.BoundaryParameters()
     boundary.distance_offset = density.DISTANCE_OFFSET
     boundary.min_distance = density.MIN_DISTANCE
@@ -199,8 +201,8 @@ def solver_parameters(substeps: int = SUBSTEPS, seconds: float = FRAME_TIME) -> 
 
     parameters = native.SolverParameters()
     parameters.kernel_support = KERNEL_SUPPORT
-    parameters.frame_time = seconds
-    parameters.substeps = substeps
+    parameters.frame_time = part.seconds
+    parameters.substeps = part.substeps
     parameters.self_density = dfsph.SELF_DENSITY
     parameters.divergence_relaxation = dfsph.DIVERGENCE_RELAXATION
     parameters.density_relaxation = dfsph.DENSITY_RELAXATION

@@ -10,9 +10,10 @@ from surfsup.scene import PARTICLE_RADIUS, Scene
 from surfsup.scene.motion import PoseFunction
 from surfsup.scene.pose import Pose
 from surfsup.scene.solids import build_solids
-from surfsup.sph.environment import Environment
+from surfsup.scene.units import Units
+from surfsup.sph.moving import FrameMotion
 
-JUMP = 20 * PARTICLE_RADIUS  # meters in a frame: 60 m/s
+JUMP = 20 * PARTICLE_RADIUS  # in a frame, in the units of the solver: 60 m/s
 
 
 class PoseJumpWarning(UserWarning):
@@ -62,18 +63,18 @@ class SceneMotion:
         return {**self.solids.poses(time), **chosen}
 
 
-def warn_jumps(environment: Environment, frame: int) -> None:
+def warn_jumps(motion: FrameMotion, frame: int, units: Units) -> None:
     """Warn of solids that move very far in the step to ``frame``.
 
     Warns:
         PoseJumpWarning: naming the first of them.
     """
-    motion = environment.motion
-    if motion is None or max(motion.displacements, default=0.0) <= JUMP:
+    if max(motion.displacements, default=0.0) <= JUMP:
         return
     path, body = max(zip(motion.displacements, motion.bodies, strict=True), key=lambda pair: pair[0])
     warnings.warn(
-        f"surface '{body.solid.name}' moves {path:.2g} m in frame {frame}, at {path / motion.seconds:.0f} m/s; "
+        f"surface '{body.solid.name}' moves {units.length * path:.2g} m in frame {frame}, at "
+        f"{units.velocity * path / motion.seconds:.0f} m/s; "
         "water in its way is thrown aside, so let it move there over more frames",
         PoseJumpWarning,
         stacklevel=3,

@@ -16,6 +16,8 @@ import numpy as np
 
 from surfsup.splishsplash.library import load_solver
 
+VELOCITY_FILE = "velocities.npy"  # of each particle, beside the scene, where the velocities of a block differ
+
 
 def run(scene_file: str, frames: int, steps_per_frame: int, output: int) -> None:
     """Simulate ``frames`` frames of ``scene_file`` and write them to the file descriptor ``output``."""
@@ -35,6 +37,10 @@ def run(scene_file: str, frames: int, steps_per_frame: int, output: int) -> None
     fluid = solver.Simulation.getCurrent().getFluidModel(0)
     count = fluid.numActiveParticles()
     os.write(output, np.int64(count).tobytes())
+    velocities = os.path.join(os.path.dirname(scene_file), VELOCITY_FILE)
+    if os.path.exists(velocities):
+        order = np.array(fluid.getFieldBuffer("id"), copy=False)[:count]
+        np.array(fluid.getFieldBuffer("velocity"), copy=False)[:count] = np.load(velocities)[order]
     step = 0
 
     def send_frame() -> None:

@@ -11,9 +11,11 @@ from pathlib import Path
 import numpy as np
 
 from surfsup.scene import PARTICLE_RADIUS
+from surfsup.scene.strict_model import Vector
 from surfsup.sph.boundary.volume_map import VolumeMap
 from surfsup.sph.dfsph import VISCOSITY
 from surfsup.sph.state import SUBSTEP_TIME
+from surfsup.splishsplash.child_process import VELOCITY_FILE
 from surfsup.splishsplash.map_file import write_map
 from surfsup.splishsplash.solid_motion import MOTION_FILE, SolidMotion, write_motions
 
@@ -87,9 +89,9 @@ def solver_scene(
 def write_job(
     folder: Path,
     gravity: tuple[float, float, float],
-    blocks: list[np.ndarray],
-    velocities: list[tuple[float, float, float]],
-    boundaries: list[VolumeMap],
+    blocks: Sequence[np.ndarray],
+    velocities: Sequence[Vector | np.ndarray],
+    boundaries: Sequence[VolumeMap],
     motions: Sequence[SolidMotion | None] = (),
 ) -> Path:
     """Write the scene, the particles and the boundaries into ``folder``, which no other job uses.
@@ -98,7 +100,7 @@ def write_job(
         folder: an empty folder.
         gravity: m/s².
         blocks: positions (N, 3) of each block of fluid, meters.
-        velocities: of each block, m/s.
+        velocities: of each block, or of each of its particles (N, 3), m/s.
         boundaries: volume maps, those of solids that move in their own frames.
         motions: of each boundary, None for one that stands still.
 
@@ -115,8 +117,16 @@ def write_job(
     moving = {number: motion for number, motion in enumerate(motions) if motion is not None}
     if moving:
         write_motions(folder / MOTION_FILE, moving)
+    if any(np.ndim(velocity) == 2 for velocity in velocities):
+        each = [
+            np.broadcast_to(np.asarray(velocity, np.float32), positions.shape)
+            for velocity, positions in zip(velocities, blocks, strict=True)
+        ]
+        np.save(folder / VELOCITY_FILE, np.concatenate(each))
+        velocities = [(0.0, 0.0, 0.0)] * len(blocks)
+    common = [(float(x), float(y), float(z)) for x, y, z in velocities]
     path = folder / "scene.json"
-    path.write_text(json.dumps(solver_scene(gravity, fluid_files, velocities, map_files, motions), indent=1))
+    path.write_text(json.dumps(solver_scene(gravity, fluid_files, common, map_files, motions), indent=1))
     return path
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import trimesh
 
 from surfsup.viewing import lighting
-from surfsup.viewing.camera import Camera, fit_camera
+from surfsup.viewing.camera import Camera, fit_camera, picture_scale
 from surfsup.viewing.moving_mesh import container_corners
 from surfsup.viewing.rasterizer import Rasterizer
 from surfsup.viewing.static_scene import FULL_LIGHT, MOVING_LIGHT, Light, StaticScene, clipping_range
@@ -45,17 +45,24 @@ class FrameRenderer:
         size: tuple[int, int] = (960, 720),
         bounds: np.ndarray | None = None,
     ) -> None:
-        self._radius, self._container_size = particle_radius, container_size
+        self._scale = picture_scale(container_size, particle_radius)
+        x, y, z = (self._scale * side for side in container_size)
+        self._radius, self._container_size = self._scale * particle_radius, (x, y, z)
+        focus = None if focus is None else self._scale * focus
         render_size = (size[0] * _SUPERSAMPLING, size[1] * _SUPERSAMPLING)
         if bounds is None and solid is not None:
             bounds = np.asarray(solid.bounds)
-        self._camera = fit_camera(container_size, bounds, focus, render_size)
+        bounds = None if bounds is None else self._scale * bounds
+        self._camera = fit_camera(self._container_size, bounds, focus, render_size)
         self._rasterizer = Rasterizer(render_size)
         self._rays, self._draws_edges = self._camera.rays(), True
         self.set_solid(solid, container_corners(container_size, {}, 0), FULL_LIGHT)
 
     def set_solid(self, solid: trimesh.Trimesh | None, corners: np.ndarray, light: Light = MOVING_LIGHT) -> None:
-        """Draw ``solid`` and a container with ``corners`` (8, 3) from now on."""
+        """Draw ``solid`` and a container with ``corners`` (8, 3) in meters from now on."""
+        if self._scale != 1 and solid is not None:
+            solid = solid.copy().apply_scale(self._scale)
+        corners = self._scale * corners
         self._static = StaticScene(solid, self._camera, self._rasterizer, light)
         self._edges = _container_edges(corners, self._camera)
         # Water casts shadows on the solid and on the floor, up to the reach of a low sun. Shadows are soft, so one
@@ -78,7 +85,7 @@ class FrameRenderer:
         Particles with a non-finite position are left out.
         """
         positions = np.asarray(positions, np.float32)
-        positions = positions[np.isfinite(positions).all(1)]
+        positions = self._scale * positions[np.isfinite(positions).all(1)]
         picture, depth = self._static.radiance.copy(), self._static.depth
         light = np.ones(self._receives_shadow.shape, np.float32)
         light[self._receives_shadow] = water_shadow(positions, self._radius, self._shadow_points)

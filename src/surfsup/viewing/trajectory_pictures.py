@@ -12,7 +12,7 @@ from PIL import Image
 from surfsup.errors import InputError
 from surfsup.io.atomic_file import atomic_file
 from surfsup.io.trajectory import Trajectory
-from surfsup.scene import FRAME_TIME, PARTICLE_RADIUS, Scene
+from surfsup.scene import Scene
 from surfsup.scene.solids import CONTAINER, build_solids
 from surfsup.viewing.label import label
 from surfsup.viewing.moving_mesh import MovingMesh, at_frame, bounds_of, container_corners
@@ -50,7 +50,7 @@ class TrajectoryRenderer:
         self._still, self._moving = trajectory_meshes(trajectory)
         first = None if trajectory.poses else self._still  # what moves is drawn anew for each frame
         bounds = bounds_of(self._still, self._moving)
-        self._renderer = FrameRenderer(first, self._size, PARTICLE_RADIUS, trajectory.positions[0], size, bounds)
+        self._renderer = FrameRenderer(first, self._size, trajectory.radius, trajectory.positions[0], size, bounds)
         if trajectory.scene.container.open:
             self._renderer.omit_edges()
 
@@ -89,8 +89,8 @@ def write_trajectory_page(file: Path, page: Path, progress: Progress) -> Path:
             trajectory.positions[:],
             still,
             trajectory.scene.container.size,
-            PARTICLE_RADIUS,
-            FRAME_TIME,
+            trajectory.radius,
+            trajectory.frame_time,
             progress,
             moving,
             trajectory.poses.get(CONTAINER),
@@ -103,7 +103,7 @@ def write_trajectory_video(file: Path, video: Path, progress: Progress) -> Path:
     """Render the trajectory in ``file`` as a video; returns the path of the video."""
     with Trajectory(file) as trajectory:
         renderer = TrajectoryRenderer(trajectory)
-        chosen = choose_frames(len(trajectory), FRAME_TIME)
+        chosen = choose_frames(len(trajectory), trajectory.frame_time)
         images = (renderer.render(frame) for frame in chosen)
         write_video(video, images, progress=progress, total=len(chosen))
         renderer.close()
@@ -118,7 +118,7 @@ def write_comparison_video(left: Path, right: Path, labels: tuple[str, str], vid
     with Trajectory(left) as left_trajectory, Trajectory(right) as right_trajectory:
         renderer = TrajectoryRenderer(right_trajectory, PAIR_SIZE)
         pair = tuple(zip((left_trajectory, right_trajectory), labels, strict=True))
-        chosen = choose_frames(min(len(left_trajectory), len(right_trajectory)), FRAME_TIME)
+        chosen = choose_frames(min(len(left_trajectory), len(right_trajectory)), right_trajectory.frame_time)
         images = (
             np.hstack([label(renderer.render(frame, trajectory.positions[frame]), text) for trajectory, text in pair])
             for frame in chosen

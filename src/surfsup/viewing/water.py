@@ -9,20 +9,18 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.ndimage import gaussian_filter, zoom
 
-from surfsup.errors import SimulationError
 from surfsup.viewing import lighting
 from surfsup.viewing.camera import Camera
 from surfsup.viewing.rasterizer import triangle_mesh
+from surfsup.viewing.reconstruction import Reconstruction
 
 if TYPE_CHECKING:
-    import pysplashsurf
     import pyvista
 
 _ABSORPTION = np.array([15.0, 4.8, 2.3], np.float32)  # 1/m; far above real water's, because the scene is small
 _SCATTERING = np.array([0.05, 0.30, 0.50], np.float32)  # color of thick water
 _REFRACTION = 0.35  # sideways shift of a refracted ray, relative to the water's thickness
 _REFLECTANCE = 0.02  # of water at normal incidence
-_CELL_SIZES = (0.7, 0.705, 0.71)  # of the reconstruction's grid, in particle radii
 _THICKNESS_CELL = 4  # pixels; thickness is smooth, so a coarse grid is enough
 
 
@@ -41,28 +39,11 @@ def reconstruct_surface(positions: np.ndarray, particle_radius: float) -> "pyvis
 
     if len(positions) == 0:
         return pyvista.PolyData()
-    result = _run_reconstruction(np.ascontiguousarray(positions, np.float32), particle_radius)
+    result = Reconstruction().mesh(positions, particle_radius)
     assert isinstance(result.mesh, pysplashsurf.TriMesh3d)  # quads are not requested
     surface = triangle_mesh(np.asarray(result.mesh.vertices), result.mesh.triangles)
     surface.point_data["Normals"] = np.asarray(result.point_attributes["normals"], np.float32)
     return surface
-
-
-def _run_reconstruction(positions: np.ndarray, particle_radius: float) -> "pysplashsurf.MeshWithData":
-    import pysplashsurf
-
-    # For some particles pysplashsurf loses a vertex and fails ("This is a bug"); another cell size avoids that.
-    for cell in _CELL_SIZES:
-        try:
-            mesh, _ = pysplashsurf.reconstruction_pipeline(
-                positions,
-                particle_radius=particle_radius, smoothing_length=2.0, cube_size=cell, iso_surface_threshold=0.6,
-                mesh_smoothing_iters=20, mesh_smoothing_weights=True, compute_normals=True, normals_smoothing_iters=8,
-            )  # fmt: skip
-        except RuntimeError:
-            continue
-        return mesh
-    raise SimulationError(f"pysplashsurf finds no surface around the {len(positions)} particles")
 
 
 def water_thickness(

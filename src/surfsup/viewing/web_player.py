@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 import trimesh
 
-from surfsup.viewing.camera import FIELD_OF_VIEW, fit_camera
+from surfsup.viewing.camera import FIELD_OF_VIEW, fit_camera, picture_scale
 from surfsup.viewing.html_page import write_html
 from surfsup.viewing.moving_mesh import MovingMesh, bounds_of
 
@@ -59,7 +59,12 @@ def write_web_player(
     positions = np.asarray(positions)
     if positions.ndim != 3 or positions.shape[2] != 3 or 0 in positions.shape:
         raise ValueError(f"positions must be (frames, particles, 3), none of them 0; they are {positions.shape}")
+    scale = picture_scale(container_size, particle_radius)
     positions, stride = _subsample(positions)
+    if scale != 1:
+        positions = scale * positions
+        solid = solid.copy().apply_scale(scale) if solid is not None else None
+        container_size = (scale * container_size[0], scale * container_size[1], scale * container_size[2])
     differences, low, extent = _quantize(positions, progress)
     mesh = _simplify(solid) if solid is not None else trimesh.Trimesh()
     bodies = [_simplify(body.mesh) for body in moving]
@@ -68,7 +73,7 @@ def write_web_player(
     camera = fit_camera(container_size, bounds, positions[0], _VIEW_SIZE)
     header = {
         "frames": len(positions), "particles": positions.shape[1], "frameTime": frame_time * stride,
-        "radius": particle_radius, "container": list(map(float, container_size)),
+        "radius": scale * particle_radius, "scale": scale, "container": list(map(float, container_size)),
         "low": low.tolist(), "extent": extent.tolist(),
         "vertices": len(mesh.vertices), "faces": len(mesh.faces),
         "moving": [{"vertices": len(body.vertices), "faces": len(body.faces)} for body in bodies],

@@ -92,7 +92,7 @@ def simulate_valid_scene(sampler: SceneSampler, index: int, consume: Callable[[C
     while len(rejections) < MAX_DRAWS:
         scene = sampler.scene(index, attempt=len(rejections))
         solids = build_solids(scene)
-        start = scene.initial_particles(solids.at_start())
+        start = scene.initial_particles(solids.at_time(0.0))
         simulation = CheckedSimulation(scene, solids, start, tuple(rejections))
         try:
             return with_retry(simulation, consume)

@@ -20,7 +20,7 @@ from surfsup.datasets.generation.progress_estimate import ProgressEstimate
 from surfsup.datasets.generation.worker_pool import open_worker_pool, until_canceled
 from surfsup.errors import InputError
 from surfsup.io.trajectory import Provenance, Trajectory, TrajectoryWriter
-from surfsup.scene import FRAME_TIME, Block, Fluid, InitialParticles, Scene
+from surfsup.scene import Block, Fluid, InitialParticles, Scene
 from surfsup.scene.solids import build_solids
 from surfsup.splishsplash import solver
 
@@ -125,6 +125,8 @@ def shifted_scene(reference: Trajectory, axis: int) -> Scene:
     x, y, z = (SHIFT * np.eye(3)[axis]).tolist()
 
     def shifted(entry: Fluid) -> Fluid:
+        if entry.block is None:
+            raise InputError(f"the floor shifts blocks of water, but the scene has a {entry.kind}")
         lower, upper = ((corner[0] + x, corner[1] + y, corner[2] + z) for corner in (entry.block.min, entry.block.max))
         return Fluid(block=Block(min=lower, max=upper, velocity=entry.block.velocity))
 
@@ -156,7 +158,7 @@ def simulate_shifted(original: Path, axis: int) -> float | None:
         return None
     with Trajectory(original) as reference:
         scene, solids = shifted_scene(reference, axis), build_solids(reference.scene)
-        start = shifted_particles(reference.scene.initial_particles(solids.at_start()), axis)
+        start = shifted_particles(reference.scene.initial_particles(solids.at_time(0.0)), axis)
 
     def write(simulation: CheckedSimulation) -> None:
         with (
@@ -166,7 +168,7 @@ def simulate_shifted(original: Path, axis: int) -> float | None:
             ) as writer,
         ):
             for number, frame in enumerate(until_canceled(iter(simulation))):
-                writer.append(*frame, simulation.solids.poses(number * FRAME_TIME))
+                writer.append(*frame, simulation.solids.poses(number * scene.frame_time))
 
     try:
         with_retry(CheckedSimulation(scene, solids, start), write)

@@ -56,6 +56,8 @@ def generate(
     if count < 1:
         raise InputError(f"the number of scenes is {count}, but must be at least 1")
     folder, source = Path(folder).resolve(), None if source is None else Path(source)
+    if source is not None and not source.exists():
+        raise InputError(f"--source {source}: does not exist")
     sampler = SceneSampler(recipe, seed, frames, folder)
     identity = DatasetIdentity.of(sampler, source)
     with open_worker_pool(workers, scheduler) as pool, lock_folder(folder) as token:

@@ -22,7 +22,12 @@ class StreamedWindows:
 
     A buffer holds the last simulations; when it is full, each new one replaces the oldest. Its contents depend on the
     speed of the workers, so the same seed does not give the same windows.
+
+    Attributes:
+        fingerprint: None, since the data changes.
     """
+
+    fingerprint = None
 
     def __init__(self, stream: SimulationStream, size: int = BUFFER_SIZE, device: torch.device | str = "cpu") -> None:
         """Wait for the first simulation of ``stream``; keep the last ``size``, with windows on ``device``.

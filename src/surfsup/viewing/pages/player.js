@@ -321,7 +321,7 @@ function main(data) {
     const near = 0.05 * distance, far = 3 * distance + 10;
     const view = lookAt(eye, orbit.target, [0, 0, 1]), projection = perspective(fov, aspect, near, far);
     projection[9] = -LIFT;
-    const values = { view, projection, eye, sunMatrix, blend, low: header.low, extent: header.extent, frameTime: header.frameTime, viewport: [w, h], height: cz, radius: header.radius };
+    const values = { view, projection, eye, sunMatrix, blend, low: header.low, extent: header.extent, frameTime: header.frameTime * Math.sqrt(header.scale), viewport: [w, h], height: cz, radius: header.radius };
 
     const models = solids.map((_, k) => (k ? poseAt(k - 1, frame, blend) : STILL));
     gl.enable(gl.DEPTH_TEST); gl.disable(gl.BLEND); gl.depthMask(true);
