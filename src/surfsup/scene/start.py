@@ -66,7 +66,8 @@ def entry_particles(
         return content.positions(scene.spacing), content.velocity
     if isinstance(content, ParticleFile):
         found = content.read(scene.base_folder)
-        check_file(scene, str(scene.base_folder / content.file), found, surface, MIN_FILE_DISTANCE)
+        min_distance = MIN_FILE_DISTANCE if found.radius is None else 0.0  # simulated water may be closer
+        check_file(scene, str(scene.base_folder / content.file), found, surface, min_distance)
         return found.positions, found.velocities
     shape = None if content.surface is None else content.surface.surface(scene.base_folder)
     positions = content.positions(shape, surface, scene.particle_radius)
