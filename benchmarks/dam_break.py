@@ -27,7 +27,6 @@ from surfsup.simulation import Simulation
 
 WIDTH, DEPTH, LENGTH = 0.24, 0.24, 1.5  # meters: of the column, of the channel, and of the channel's length
 GRAVITY = 9.81
-LOST_LAYER = 0.6  # radii: beside a wall, in which no particle's volume counts
 FPS = 100.0  # of the trajectory; every radius has the same times
 # Table 2 of the experiment: t √(n² g / a), and the front over the column's width a.
 TIMES = [0.41, 0.84, 1.19, 1.43, 1.63, 1.83, 1.98, 2.20, 2.32, 2.51, 2.65, 2.83, 2.98, 3.11, 3.33]
@@ -37,19 +36,29 @@ Row = dict[str, object]
 
 
 def column_at_rest(radius: float) -> np.ndarray:
-    """Positions (N, 3) of the settled column; its left wall is at x = -WIDTH / 2."""
-    spacing, lost = 2 * radius, LOST_LAYER * radius
-    sites = [max(1, round((side - 2 * lost) / spacing - 0.5)) for side in (WIDTH, DEPTH)]
-    volume = (WIDTH - 2 * lost) * (DEPTH - 2 * lost) * (2 * WIDTH - lost)
-    layers = round(volume / spacing**3 / (sites[0] * sites[1]))
+    """Positions (N, 3) of the settled column, about twice as high as wide; its left wall is at x = -WIDTH / 2."""
+    layers = round(2 * WIDTH / (2 * radius))
+    column = settled_column(radius, layers)
+    # Water keeps a distance from the walls, so the first column is too high.
+    return settled_column(radius, round(layers * 2 * WIDTH / height_of(column, radius)))
+
+
+def settled_column(radius: float, layers: int) -> np.ndarray:
+    """Positions (N, 3) of a column of that many layers at rest between its walls."""
+    spacing = 2 * radius
+    sites = [max(1, round(side / spacing - 1)) for side in (WIDTH, DEPTH)]
     low = [-(count + 1) * spacing / 2 for count in sites]
     corner = (-low[0] + 1e-4 * spacing, -low[1] + 1e-4 * spacing, (layers + 1.6) * spacing)
     block = Block((low[0], low[1], 0.5 * spacing), corner)
-    scene = Scene(
-        fluid=[block], container=Container(size=(WIDTH, DEPTH, 3 * WIDTH)), particle_radius=radius, duration=2.0, fps=10
-    )
+    container = Container(size=(WIDTH, DEPTH, 3.5 * WIDTH))
+    scene = Scene(fluid=[block], container=container, particle_radius=radius, duration=2.0, fps=10)
     *_, last = Simulation(scene, device="cpu").run()
     return last.positions
+
+
+def height_of(column: np.ndarray, radius: float) -> float:
+    """Height in meters of the water with particles at (N, 3)."""
+    return float(np.quantile(column[:, 2], 0.995)) + radius
 
 
 def released(column: np.ndarray, radius: float, folder: Path) -> Scene:
@@ -74,7 +83,7 @@ def fronts(frames: Iterable[np.ndarray], radius: float) -> np.ndarray:
 def compare(positions: list[np.ndarray], scene: Scene) -> Row:
     """The front at the times of the experiment, and its mean relative deviation."""
     radius = scene.particle_radius
-    height = float(np.quantile(positions[0][:, 2], 0.995)) + radius
+    height = height_of(positions[0], radius)
     times = scene.frame_time * np.arange(len(positions)) * np.sqrt(height / WIDTH * GRAVITY / WIDTH)
     front = np.interp(TIMES, times, fronts(positions, radius))
     deviation = float(np.abs(front / FRONTS - 1).mean())
