@@ -25,6 +25,7 @@ ROWS = (
     "speed_networks",
     "growth",
     "at_rest",
+    "dam_break",
     "stability",
 )
 README_ROWS = ("accuracy_primitives", "accuracy_networks", "speed_3000", "speed_50000", "at_rest")

@@ -238,7 +238,8 @@ class Simulation:
             SimulationError: as :meth:`step`.
         """
         frame_time = self._units.frame_time
-        interval = (self.scene.frame_time if fps is None else 1 / fps if fps > 0 else math.inf) / frame_time
+        rate = self.scene.fps if fps is None else fps
+        interval = 1.0 if rate is None else 1 / (rate * frame_time) if rate > 0 else math.inf
         steps = self.scene.frames * interval if seconds is None else seconds / frame_time
         if not (0 < steps < math.inf and 1 - ROUNDING <= interval < math.inf):
             raise InputError(f"seconds must be above 0 and fps above 0 and at most {1 / frame_time:.5g}")

@@ -8,6 +8,8 @@ from surfsup.errors import InputError
 from surfsup.evaluation.pair import evaluate_pair
 from surfsup.evaluation.report import write_json
 from surfsup.evaluation.scores import ALL
+from surfsup.io.trajectory import Provenance, TrajectoryWriter
+from surfsup.scene import Fluid
 from tests.evaluation.scenes import FRAMES, SCENE, free_fall, write
 
 
@@ -85,3 +87,35 @@ def test_a_trajectory_with_another_frame_time_is_rejected_by_name(files, number)
         file.attrs["frame_time"] = 0.01
     with pytest.raises(InputError, match=rf"one.h5: has a frame every {0.005 * (2 - number):g} s .* with the same fps"):
         evaluate_pair(*files)
+
+
+def test_trajectories_of_small_particles_have_metrics_of_their_own_size(tmp_path):
+    """A fall of a fifth of the size has a fifth of the distances, and the same density."""
+    positions, velocities = free_fall()
+    scale = 0.2
+    container = SCENE.container.model_copy(update={"size": tuple(scale * side for side in SCENE.container.size)})
+    block = SCENE.fluid[0].block
+    small_block = block.model_copy(
+        update={"min": tuple(scale * low for low in block.min), "max": tuple(scale * high for high in block.max)}
+    )
+    changes = {"container": container, "fluid": [Fluid(block=small_block)], "particle_radius": 0.003}
+    small = SCENE.model_copy(update={**changes, "surface": None})
+    pairs = []
+    for scene, s in ((SCENE.model_copy(update={"surface": None}), 1.0), (small, scale)):
+        paths = [tmp_path / f"{name}-{s}.h5" for name in ("one", "two")]
+        for path, shift in zip(paths, (0.001, 0.0), strict=True):
+            with TrajectoryWriter(path, scene, Provenance("a test"), positions.shape[1]) as writer:
+                for frame in range(FRAMES):
+                    writer.append(s * (positions[frame] + np.float32([shift, 0, 0])), s**0.5 * velocities[frame])
+        pairs.append(evaluate_pair(*paths))
+    large, little = (pair.evaluation.scores[ALL] for pair in pairs)
+    assert little["chamfer"] == pytest.approx(scale * large["chamfer"], rel=1e-2)
+    assert pairs[1].threshold == pytest.approx(scale * pairs[0].threshold)
+    for one, other in zip(
+        pairs[1].evaluation.comparison.reference.density[:1],
+        pairs[0].evaluation.comparison.reference.density[:1],
+        strict=True,
+    ):
+        assert one == pytest.approx(other, rel=1e-4)
+    with pytest.raises(InputError, match="simulate both with the same fps and particle_radius"):
+        evaluate_pair(tmp_path / "one-1.0.h5", tmp_path / "two-0.2.h5")

@@ -82,7 +82,8 @@ BAD_ROW = np.array([[np.nan, 0, 0]], np.float32)
         ),
         (POSITIONS[:, :2], r"is an array of shape \(125, 2\), but particles are \(N, 3\)"),
         (np.zeros((0, 3)), "has no particles"),
-        (np.concatenate([POSITIONS, POSITIONS[:1] + 0.005]), r"2 of its 126 particles are closer than half a spacing"),
+        (np.concatenate([POSITIONS, POSITIONS[:1] + 0.0005]), r"2 of its 126 particles are closer than 0\.0015 m to"),
+        (0.4 * POSITIONS + [0, 0, 0.3], r"125 of its 125 particles are closer than 0\.015 m .* a spacing is 0\.03 m"),
         (POSITIONS + np.float32([0.44, 0, 0]), "25 of its 125 particles are outside the container"),
         (
             POSITIONS - np.float32([0, 0, 0.4]),

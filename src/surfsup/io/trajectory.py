@@ -186,13 +186,14 @@ class TrajectoryWriter:
             {
                 "scene": text,
                 "frame_time": scene.frame_time,
-                "start_time": scene.start_time,
                 "radius": scene.particle_radius,
                 "model": provenance.simulator,
                 "seed": provenance.seed,
                 "version": provenance.version,
             }
         )
+        if scene.restart is not None:
+            self._file.attrs["start_time"] = scene.start_time
         group = self._file.create_group(GROUP)
         self._sets = [
             group.create_dataset(
