@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from surfsup.exporting.frames import Interpolation, ParticleFrame, frame_count, resample
@@ -59,6 +59,7 @@ def test_frames_between_are_those_of_a_simulation_at_that_rate(trajectory):
         np.testing.assert_allclose(frame.velocities, expected.velocities, atol=1e-3)  # the file rounds velocities
 
 
+@settings(max_examples=40)
 @given(st.floats(1, 1000), st.integers(1, 30), st.integers(0, 1000))
 def test_motion_that_is_cubic_in_time_is_exact_at_any_rate(fps, frames, seed):
     coefficients = np.random.default_rng(seed).normal(size=(4, 3, 3))  # of 1, t, t², t³ with t in frames
