@@ -34,7 +34,7 @@ docs: .venv/ready
 # Ratios are valid only if nothing else runs meanwhile.
 bench: setup
 	.venv/bin/python benchmarks/against_solver.py
-	.venv/bin/python benchmarks/against_solver.py --particles 3000 --no-torch --surface knot coral chair
+	.venv/bin/python benchmarks/against_solver.py --particles 3000 --no-warp --surface knot coral chair
 	.venv/bin/python benchmarks/growth.py --long 200 10000
 	.venv/bin/python benchmarks/stability.py
 	.venv/bin/python benchmarks/at_rest.py --solver

@@ -1,7 +1,7 @@
 """Time of a frame of 5 ms: surfsup's solver, in C++ and in Warp, against SPlisHSPlasH on the same scene and cores.
 
     python benchmarks/against_solver.py [--particles 3000 50000] [--threads 1 2] [--frames 200] [--rounds 3]
-                                        [--surface ball knot coral chair] [--no-torch] [--simulator NAME]
+                                        [--surface ball knot coral chair] [--no-warp] [--simulator NAME]
 
 A block of water falls on a ball, a mesh or a neural surface of the same height. Every run is a process of its own, and
 the runs of a round follow each other. The time of surfsup includes everything: neighbor search, pressure solve,
@@ -9,7 +9,7 @@ distances, collision handling, and writing the trajectory. The time of SPlisHSPl
 reading or writing: with a fixed step of 1 ms (five a frame, the setting of the paper), and with its adaptive step
 (CFL condition, its default). Set-up, up to the end of the first frame, is excluded on both sides. Every time is given
 as wall clock, and in brackets as processor time of all threads. At 50,000 particles a round takes five minutes for
-each number of threads. `--no-torch` leaves out the run without the C++ code.
+each number of threads. `--no-warp` leaves out the run without the C++ code.
 
 The results are written to `benchmarks/results/speed_*.json`.
 """
@@ -172,7 +172,7 @@ def run_in_own_process(name: str, scene: Scene, threads: int, simulator: str) ->
 def compare(scene: Scene, surface: str, particles: int, threads: int, arguments: argparse.Namespace) -> None:
     """Time one scene with one number of threads, print all rounds, write the medians."""
     count = len(scene.initial_particles(scene.build_surface()).positions)
-    names = (FIXED, ADAPTIVE, NATIVE, *((WARP,) if arguments.torch else ()))
+    names = (FIXED, ADAPTIVE, NATIVE, *((WARP,) if arguments.warp else ()))
     rounds = []
     for _ in range(arguments.rounds):
         timings = {name: run_in_own_process(name, scene, threads, arguments.simulator) for name in names}
@@ -198,7 +198,7 @@ def compare(scene: Scene, surface: str, particles: int, threads: int, arguments:
         "ms",
         "SPlisHSPlasH, fixed step of 1 ms",
         round(medians[FIXED], 2),
-        f"python benchmarks/against_solver.py --particles {particles} --threads {threads} --no-torch"
+        f"python benchmarks/against_solver.py --particles {particles} --threads {threads} --no-warp"
         + (f" --surface {surface}" if surface != "ball" else "")
         + (f" --frames {arguments.frames}" if arguments.frames != FRAMES else ""),
         values={
@@ -222,7 +222,7 @@ def main() -> None:
     parser.add_argument("--surface", choices=SURFACES, nargs="+", default=["ball"])
     parser.add_argument("--simulator", default=DEFAULT_SIMULATOR, help="name or weights file")
     parser.add_argument(
-        "--torch", action=argparse.BooleanOptionalAction, default=True, help="also time it without the native code"
+        "--warp", action=argparse.BooleanOptionalAction, default=True, help="also time it without the native code"
     )
     parser.add_argument("--run", nargs=3, metavar=("NAME", "SCENE", "RESULT"), help=argparse.SUPPRESS)
     arguments = parser.parse_args()

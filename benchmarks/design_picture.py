@@ -36,7 +36,7 @@ def picture(folder: Path, design: str, simulator: str) -> np.ndarray:
         renderer = FrameRenderer(solid, size, PARTICLE_RADIUS, first, SIZE)
         image = renderer.render(frames.positions[len(frames) - 1])
         renderer.close()
-        return label(image, f"{design}, {SIMULATORS[simulator]}, frame {len(frames) - 1}")
+        return label(image, f"{design}, cut open, {SIMULATORS[simulator]}, frame {len(frames) - 1}")
 
 
 def main() -> None:

@@ -19,7 +19,7 @@ from surfsup.io.trajectory import Trajectory
 from surfsup.sdf import load_mesh, load_siren
 from surfsup.viewing.label import label
 from surfsup.viewing.slider import SIZE, render_solid
-from surfsup.viewing.trajectory_pictures import trajectory_renderer
+from surfsup.viewing.trajectory_pictures import TrajectoryRenderer
 
 RESOLUTION = 192  # cells of the extracted mesh along the cube
 
@@ -39,8 +39,8 @@ def main() -> None:
     mesh.vertices = to_cube(np.asarray(mesh.vertices), siren.normalization)
     extracted = siren.to_mesh(RESOLUTION)
     with Trajectory(arguments.trajectory) as frames:
-        renderer = trajectory_renderer(frames, SIZE)
-        water = renderer.render(frames.positions[arguments.frame])
+        renderer = TrajectoryRenderer(frames, SIZE)
+        water = renderer.render(arguments.frame)
         renderer.close()
     pictures = [
         label(render_solid(mesh), f"the mesh, {len(mesh.faces):,} triangles"),

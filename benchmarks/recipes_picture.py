@@ -15,7 +15,7 @@ from PIL import Image
 
 from surfsup.io.trajectory import Trajectory
 from surfsup.viewing.label import label
-from surfsup.viewing.trajectory_pictures import trajectory_renderer
+from surfsup.viewing.trajectory_pictures import TrajectoryRenderer
 
 SIZE = (340, 340)  # pixels of each
 
@@ -24,8 +24,8 @@ def picture(path: Path) -> np.ndarray:
     """The first frame of a trajectory, with its recipe's name."""
     recipe = yaml.safe_load((path.parent / "dataset.yaml").read_text())["recipe"]
     with Trajectory(path) as frames:
-        renderer = trajectory_renderer(frames, SIZE)
-        image = renderer.render(frames.positions[0])
+        renderer = TrajectoryRenderer(frames, SIZE)
+        image = renderer.render(0)
         renderer.close()
     return label(image, recipe)
 

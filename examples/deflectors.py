@@ -19,7 +19,7 @@ def reward(end: Outcome) -> torch.Tensor:
     return -(end.positions[:, :2] - torch.tensor([0.25, 0.0])).square().sum(dim=-1).mean()
 
 
-centers = Parameter(CENTERS, lower=[-0.3, -0.3, 0.15], upper=[0.3, 0.3, 0.42], step=0.03)
+centers = Parameter(CENTERS, lower=[-0.3, -0.3, 0.15], upper=[0.3, 0.3, 0.42], step=0.03, unit="m")
 task = Task("deflectors", balls, {"centers": centers}, Scene.from_yaml(SCENE, "scene"), reward, floor=0.06)
 if __name__ == "__main__":
     run = optimize(task, "out/deflectors", iterations=60, resume=True)

@@ -1,140 +1,143 @@
-"""Judge weights by rollouts with and without the guard, and by how a released block falls in rooms of several sizes.
+"""Score weights on validation scenes: rollouts with and without collision handling, and the fall of a released block.
 
-    python judge.py NAME WEIGHTS_OR_RUN [--scenes 4] [--frames 240] [--folder data/validation] [--no-guard-only]
+    python score_rollouts.py NAME WEIGHTS_OR_RUN [--scenes 3] [--frames 300] [--data data/validation]
+        [--collisions off,on] [--no-falls]
 
-A line of JSON per judgement is appended to results.jsonl. Never give it a test set.
+Appends a line of JSON to scores.jsonl. Where the data set has a floor (``surfsup floor data/validation``), it also
+gives Chamfer divided by the floor of the same scenes and frames. Never use it on a test set.
 """
-import argparse, json, sys, time
-from pathlib import Path
-import numpy as np, torch
-torch.set_num_threads(1)
-from surfsup.errors import SimulationError
-from surfsup.evaluation.judge import first_trajectories
-from surfsup.evaluation.metrics import chamfer, centre_height, kinetic_energy, highest_density, tree
-from surfsup.evaluation.rollout import while_sound
-from surfsup.model import weights
-from surfsup.model.state import Surroundings
-from surfsup.scene import Scene
-from surfsup.training.run import Run
-from surfsup.trajectory import Trajectory
 
-FALLS = {
- "usual room": "{surface: {sphere: {radius: 0.35}, at: [0,0,0.35]}, fluid: [{block: {min: [-0.22,-0.22,1.2], max: [0.22,0.22,1.62]}}]}",
- "2x2x2": "{container: {size: [2,2,2]}, surface: {sphere: {radius: 0.35}, at: [0,0,0.35]}, fluid: [{block: {min: [-0.22,-0.22,1.2], max: [0.22,0.22,1.62]}}]}",
- "2x2x2 aside": "{container: {size: [2,2,2]}, surface: {sphere: {radius: 0.35}, at: [0.6,0.6,0.35]}, fluid: [{block: {min: [-0.7,-0.7,1.2], max: [-0.26,-0.26,1.62]}}]}",
- "2x2x2 empty": "{container: {size: [2,2,2]}, fluid: [{block: {min: [-0.22,-0.22,1.2], max: [0.22,0.22,1.62]}}]}",
- "2x2x2 large": "{container: {size: [2,2,2]}, surface: {sphere: {radius: 0.35}, at: [0,0,0.35]}, fluid: [{block: {min: [-0.4,-0.4,1.2], max: [0.4,0.4,1.62]}}]}",
+import argparse
+import json
+import time
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from surfsup.evaluation.floor import floor_files
+from surfsup.evaluation.load_trajectories import trajectory_files
+from surfsup.evaluation.metrics import center_height, chamfer, kd_tree, kinetic_energy, max_density
+from surfsup.evaluation.rollout import roll_out, until_diverged
+from surfsup.io.trajectory import Trajectory
+from surfsup.learned import weights_file
+from surfsup.learned.base import LearnedSimulator
+from surfsup.scene import Scene
+from surfsup.sph.environment import Environment
+from surfsup.training.run import load_average
+
+BLOCK = "fluid: [{block: {min: [-0.22, -0.22, 1.2], max: [0.22, 0.22, 1.62]}}]"
+BALL = "surface: {sphere: {radius: 0.35}, at: [0, 0, 0.35]}"
+ROOMS = {
+    "usual": f"{{{BALL}, {BLOCK}}}",
+    "2x2x2": f"{{container: {{size: [2, 2, 2]}}, {BALL}, {BLOCK}}}",
+    "2x2x2, ball aside": f"{{container: {{size: [2, 2, 2]}}, {BALL.replace('0, 0, 0.35', '0.6, 0.6, 0.35')}, "
+    "fluid: [{block: {min: [-0.7, -0.7, 1.2], max: [-0.26, -0.26, 1.62]}}]}",
+    "2x2x2, empty": f"{{container: {{size: [2, 2, 2]}}, {BLOCK}}}",
 }
 FALL_FRAMES = 40
+CHAMFER_STRIDE, DENSITY_STRIDE = 5, 20  # frames
 
-def load(what):
-    path = Path(what)
-    if path.is_dir():
-        return Run.average_of(path).eval().requires_grad_(False)
-    return weights.load(weights.find(what))[0]
 
 @torch.no_grad()
-def falls(model):
-    """By how much the centre of the released block is too high after FALL_FRAMES, as a share of its fall; and the spread it has got."""
-    out = {}
-    for name, text in FALLS.items():
-        scene = Scene.from_yaml(text, name)
+def falls(simulator: LearnedSimulator) -> dict[str, list[float]]:
+    """By room: share by which the block has fallen too little, and its spread about the free fall in meters."""
+    results = {}
+    steps = 5 * FALL_FRAMES
+    exact = np.array([0, 0, -9.81e-6 * steps * (steps + 1) / 2])
+    for room, text in ROOMS.items():
+        scene = Scene.from_yaml(text, room)
         surface = scene.build_surface()
-        around = Surroundings.of(scene, surface)
-        start = scene.start(surface)
-        state = model.start(torch.from_numpy(start.positions), torch.from_numpy(start.particle_velocities), around)
-        first = start.positions
-        for now, _ in while_sound(model.rollout(state, around, FALL_FRAMES + 1, False)):
-            pass
-        n = FALL_FRAMES * 5
-        true = -9.81e-6 * n * (n + 1) / 2
-        moved = now.positions.numpy() - first
-        out[name] = [round(float(1 - moved[:, 2].mean() / true), 4), round(float(np.sqrt(np.square(moved - [0, 0, true]).sum(1).mean())), 4)]
-    return out
+        environment, start = Environment.of(scene, surface), scene.initial_particles(surface)
+        state = simulator.initial_state(
+            torch.from_numpy(start.positions), torch.from_numpy(start.velocities), environment
+        )
+        frames = list(until_diverged(simulator.rollout(state, environment, FALL_FRAMES + 1, False)))
+        moved = frames[-1][0].positions.numpy() - start.positions
+        spread = np.sqrt(np.square(moved - exact).sum(axis=1).mean())
+        results[room] = [round(float(1 - moved[:, 2].mean() / exact[2]), 4), round(float(spread), 4)]
+    return results
+
+
+def floor_of(path: Path, frames: int) -> float:
+    """Mean Chamfer distance of the floor's runs of a trajectory; NaN without a floor."""
+    values = []
+    with Trajectory(path) as reference:
+        for file in floor_files(path):
+            with Trajectory(file) as repeat:
+                numbers = range(0, frames, CHAMFER_STRIDE)
+                values += [chamfer(repeat.positions[n], reference.positions[n]).plain for n in numbers]
+    return float(np.mean(values)) if values else float("nan")
+
 
 @torch.no_grad()
-def roll(model, path, frames, guarded):
-    with Trajectory(path) as truth:
-        surface = truth.scene.build_surface()
-        around = Surroundings.of(truth.scene, surface)
-        frames = min(frames, len(truth))
-        tp, tv = truth.positions[:frames], truth.velocities[:frames]
-    state = model.start(torch.from_numpy(tp[0]), torch.from_numpy(tv[0]), around)
-    r = dict(cd={}, height=[], e=[], te=[], inside=0, outside=0, density=[], lost=0)
-    last = 0
-    for f, (now, moved) in enumerate(while_sound(model.rollout(state, around, frames, guarded))):
-        last = f
-        p, v = now.positions.numpy(), now.velocities.numpy()
-        if f % 5 == 0:
-            r["cd"][f] = chamfer(p, tp[f]).plain
-        if f % 20 == 0:
-            r["density"].append(highest_density(tree(p)))
-        r["height"].append(abs(centre_height(p) - centre_height(tp[f])))
-        r["e"].append(kinetic_energy(v)); r["te"].append(kinetic_energy(tv[f]))
-        if surface is not None:
-            r["inside"] += int((around.surface.distance(now.positions) < 0).sum())
-        out = ((now.positions < around.lower) | (now.positions > around.upper)).any(-1)
-        r["outside"] += int(out.sum()); r["lost"] = int(out.sum())
-    cd = r["cd"]
-    return dict(chamfer=float(np.mean(list(cd.values()))) if last == frames - 1 else float("nan"),
-                early=float(np.mean([cd.get(f, np.nan) for f in (30, 40, 50)])),
-                at100=cd.get(100, float("nan")), height=float(np.mean(r["height"])),
-                energy=sum(r["e"]) / sum(r["te"]), inside=r["inside"], outside=r["outside"], lost=r["lost"],
-                density=float(np.max(r["density"])), frames=last + 1)
+def score(simulator: LearnedSimulator, path: Path, frames: int, handle_collisions: bool) -> dict[str, float]:
+    """The scores of one rollout."""
+    distances, heights, energies, true_energies, densities = {}, [], [], [], []
+    inside = outside = lost = last = 0
+    with Trajectory(path) as reference:
+        environment = Environment.of(reference.scene, reference.scene.build_surface())
+        frames = min(frames, len(reference))
+        true_positions, true_velocities = reference.positions[:frames], reference.velocities[:frames]
+        for last, (state, _) in enumerate(roll_out(simulator, reference, environment, frames, handle_collisions)):
+            positions, truth = state.positions.numpy(), true_positions[last]
+            if last % CHAMFER_STRIDE == 0:
+                distances[last] = chamfer(positions, truth).plain
+            if last % DENSITY_STRIDE == 0:
+                densities.append(max_density(kd_tree(positions)))
+            heights.append(abs(center_height(positions) - center_height(truth)))
+            energies.append(kinetic_energy(state.velocities.numpy()))
+            true_energies.append(kinetic_energy(true_velocities[last]))
+            if environment.surface is not None:
+                inside += int((environment.surface.distance(state.positions) < 0).sum())
+            out = ((state.positions < environment.lower) | (state.positions > environment.upper)).any(dim=-1)
+            lost = int(out.sum())
+            outside += lost
+    complete = last == frames - 1
+    return {
+        "chamfer": float(np.mean(list(distances.values()))) if complete else float("nan"),
+        "floor": floor_of(path, frames),
+        "at100": distances.get(100, float("nan")),
+        "height": float(np.mean(heights)),
+        "energy": sum(energies) / sum(true_energies),
+        "inside": inside,
+        "outside": outside,
+        "lost": lost,
+        "density": max(densities),
+        "frames": last + 1,
+    }
 
-STARTS = (10, 60, 75, 90, 110, 150, 200)
 
-@torch.no_grad()
-def ten(model, paths):
-    """Mean distance from the truth, mm, ten unguarded frames after true states; by the frame they begin at. Chaos is no part of it yet."""
-    out = {}
-    for first in STARTS:
-        every = []
-        for path in paths:
-            with Trajectory(path) as truth:
-                around = Surroundings.of(truth.scene, truth.scene.build_surface())
-                a = first - model.past
-                p, v = (torch.from_numpy(x[a:first + 11]) for x in (truth.positions, truth.velocities))
-            state = model.state_after(p[:model.past + 1], v[:model.past + 1])
-            for _ in range(10):
-                state, _ = model.step(state, around, False)
-            every.append(float((state.positions - p[-1]).norm(dim=-1).mean()) * 1000)
-        out[first] = round(float(np.mean(every)), 3)
-    return out
+def main() -> None:
+    """Score the weights named on the command line."""
+    parser = argparse.ArgumentParser()
+    parser.add_argument("name")
+    parser.add_argument("weights")
+    parser.add_argument("--scenes", type=int, default=3)
+    parser.add_argument("--frames", type=int, default=300)
+    parser.add_argument("--data", type=Path, default=Path("data/validation"))
+    parser.add_argument("--collisions", default="off,on")
+    parser.add_argument("--no-falls", action="store_true")
+    options = parser.parse_args()
+    torch.set_num_threads(1)
+    start, path = time.monotonic(), Path(options.weights)
+    simulator = load_average(path).eval() if path.is_dir() else weights_file.load(weights_file.find(options.weights))[0]
+    row = {"name": options.name, "scenes": options.scenes, "frames": options.frames}
+    if not options.no_falls:
+        row["falls"] = falls(simulator)
+        print(row["falls"], flush=True)
+    for collisions in options.collisions.split(","):
+        each = []
+        for file in trajectory_files(options.data, options.scenes):
+            each.append(score(simulator, file, options.frames, collisions == "on"))
+            print(f"{collisions}, {file.stem}:", {k: round(v, 4) for k, v in each[-1].items()}, flush=True)
+        mean = {key: float(np.mean([one[key] for one in each])) for key in each[0]}
+        mean["ratio"] = mean["chamfer"] / mean["floor"]
+        row[collisions], row[f"{collisions}_each"] = mean, each
+        print(f"{collisions}, mean:", {k: round(v, 4) for k, v in mean.items()}, flush=True)
+    row["seconds"] = round(time.monotonic() - start)
+    with open("scores.jsonl", "a") as file:
+        file.write(json.dumps(row) + "\n")
 
-def main():
-    a = argparse.ArgumentParser()
-    a.add_argument("name"); a.add_argument("weights")
-    a.add_argument("--scenes", type=int, default=3); a.add_argument("--frames", type=int, default=220)
-    a.add_argument("--folder", default="data/validation")
-    a.add_argument("--guards", default="off,on"); a.add_argument("--no-falls", action="store_true")
-    a.add_argument("--rooms", default="", help="comma-separated, else all five")
-    a = a.parse_args()
-    for name in list(FALLS):
-        if a.rooms and name not in a.rooms.split(","):
-            del FALLS[name]
-    t = time.time()
-    model = load(a.weights)
-    if hasattr(model, "network"):  # bf16 around the network alone, as in training
-        own = model.predict
-        def predict(seen):
-            with torch.autocast("cpu", torch.bfloat16):
-                return own(seen)
-        model.predict = predict
-    row = dict(name=a.name, folder=Path(a.folder).name, scenes=a.scenes, frames=a.frames)
-    if not a.no_falls:
-        row["falls"] = falls(model)
-        print("falls", row["falls"], flush=True)
-    row["ten"] = ten(model, first_trajectories(Path(a.folder), a.scenes))
-    print("ten frames, mm", row["ten"], round(float(np.mean(list(row["ten"].values()))), 3), flush=True)
-    for guard in [g for g in a.guards.split(",") if g]:
-        every = [roll(model, p, a.frames, guard == "on") for p in first_trajectories(Path(a.folder), a.scenes)]
-        mean = {k: (sum(e[k] for e in every) if k in ("inside", "outside", "lost") else round(float(np.mean([e[k] for e in every])), 5)) for k in every[0]}
-        row[guard] = mean; row[guard + "_each"] = every
-        print(guard, mean, flush=True)
-        for e in every: print("   ", {k: (round(v, 4) if isinstance(v, float) else v) for k, v in e.items()}, flush=True)
-    row["seconds"] = round(time.time() - t)
-    with open("results.jsonl", "a") as f: f.write(json.dumps(row) + "\n")
-    print(a.name, "judged in", row["seconds"], "s")
 
 main()

@@ -21,7 +21,8 @@ if TYPE_CHECKING:
     from surfsup.evaluation.pair import evaluate_pair as evaluate
     from surfsup.exporting.export import export
     from surfsup.io.trajectory import Trajectory
-    from surfsup.scene import Block, Container, Scene, load_mesh
+    from surfsup.scene import Block, Container, Fill, ParticleFile, Scene, load_mesh
+    from surfsup.scene.pose import Pose
     from surfsup.sdf import (
         Bowl,
         Box,
@@ -45,7 +46,8 @@ _MODULES = {
     "SimulationError": "errors",
     "Trajectory": "io.trajectory",
     "export": "exporting.export",
-    **dict.fromkeys(("Block", "Container", "Scene", "load_mesh"), "scene"),
+    **dict.fromkeys(("Block", "Container", "Fill", "ParticleFile", "Scene", "load_mesh"), "scene"),
+    "Pose": "scene.pose",
     **dict.fromkeys(("Bowl", "Box", "CappedCone", "Cylinder", "Difference", "Funnel", "Heightfield"), "sdf"),
     **dict.fromkeys(("Intersection", "Sphere", "Surface", "Torus", "Transformed", "Union"), "sdf"),
     **dict.fromkeys(("Frame", "Simulation", "SimulationState"), "simulation"),
@@ -59,11 +61,14 @@ __all__ = [
     "Container",
     "Cylinder",
     "Difference",
+    "Fill",
     "Frame",
     "Funnel",
     "Heightfield",
     "InputError",
     "Intersection",
+    "ParticleFile",
+    "Pose",
     "Scene",
     "Simulation",
     "SimulationError",

@@ -9,9 +9,16 @@ class InputError(ValueError):
 
     Examples:
         >>> import surfsup as sf
-        >>> sf.Block((0, 0, 0), (0.1, 0.1, 0.0))
+        >>> sf.Scene(fluid=[sf.Block((0, 0, 0), (0.1, 0.1, 0.0))])
         Traceback (most recent call last):
         surfsup.errors.InputError: ...
+    """
+
+
+class Interrupted(BaseException):
+    """The user interrupted a run that has finished a part of its work. The message says what is kept and where.
+
+    Like KeyboardInterrupt it is no Exception, so that no handler of errors takes it for one.
     """
 
 

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -15,12 +15,15 @@ from surfsup.errors import InputError
 from surfsup.io.trajectory import Provenance, TrajectoryWriter
 from surfsup.learned.loading import DEFAULT_SIMULATOR, load_simulator
 from surfsup.scene import FRAME_TIME, InitialParticles, Scene
+from surfsup.scene.pose import NO_ROTATION, Pose, between
 from surfsup.sph.collision import resolve_collisions
 from surfsup.sph.device import choose_device
 from surfsup.sph.environment import Environment
+from surfsup.sph.interpolation import ROUNDING, hermite
+from surfsup.sph.moving import FrameMotion, MovingSolids
+from surfsup.sph.scene_motion import SceneMotion, warn_jumps
+from surfsup.sph.settle import start_of
 from surfsup.sph.simulator import FluidState, Simulator
-
-ROUNDING = 1e-6  # of a frame, by which times may differ
 
 
 @dataclass(frozen=True)
@@ -31,6 +34,7 @@ class Frame:
         time: seconds since the start of the scene.
         positions: (N, 3) float32, meters.
         velocities: (N, 3) float32, m/s.
+        poses: of the solids that move, and of a container that moves, by name.
 
     Examples:
         >>> import surfsup as sf
@@ -43,6 +47,7 @@ class Frame:
     time: float
     positions: np.ndarray
     velocities: np.ndarray
+    poses: Mapping[str, Pose] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -51,7 +56,9 @@ class SimulationState:
 
     Attributes:
         frame: number of steps since the start of the scene.
-        fluid: the simulator's own state, with tensors ``positions`` and ``velocities`` (N, 3).
+        fluid: the simulator's own state, with tensors ``positions`` and ``velocities`` (N, 3), in the units of the
+            simulator (:class:`surfsup.scene.Units`); with particles of 15 mm these are meters and m/s.
+        poses: of all that moves, by name, in the units of the scene.
 
     Examples:
         >>> import surfsup as sf
@@ -65,6 +72,7 @@ class SimulationState:
 
     frame: int
     fluid: FluidState
+    poses: Mapping[str, Pose] = field(default_factory=dict)
 
 
 class Simulation:
@@ -81,7 +89,8 @@ class Simulation:
     Attributes:
         scene: the scene.
         name: of the simulator.
-        surface: the scene's solid, or None.
+        surface: the scene's solid, or None; without surfaces that move.
+        motion: what moves; :meth:`set_pose` and :meth:`set_motion` control it.
         particles: of the first frame.
 
     Raises:
@@ -111,16 +120,20 @@ class Simulation:
         self.name = simulator if isinstance(simulator, str) else type(simulator).__name__
         if isinstance(simulator, str):
             simulator, _ = load_simulator(simulator)
-        self._device = choose_device(device)
+        self._device = choose_device("cpu" if device is None and scene.moves else device)
         self._simulator = simulator.to(self._device)
-        self.surface = scene.build_surface()
-        self.particles = scene.initial_particles(self.surface) if particles is None else particles
-        self._environment = Environment.of(scene, self.surface, self._device)
+        self._units, self._start_time = scene.units, scene.start_time
+        self.motion = SceneMotion(scene)
+        self.surface = self.motion.solids.still
+        solid = self.motion.solids.at_time(self._start_time)
+        self.particles = start_of(scene, solid) if particles is None else particles
+        self._environment = self._make_environment()
+        start = self._units.particles_to_solver(self.particles)
         positions, velocities = (
-            torch.from_numpy(values).to(self._device)
-            for values in (self.particles.positions, self.particles.velocities)
+            torch.from_numpy(values).to(self._device) for values in (start.positions, start.velocities)
         )
-        self._start = SimulationState(0, self._simulator.initial_state(positions, velocities, self._environment))
+        fluid = self._simulator.initial_state(positions, velocities, self._environment)
+        self._start = SimulationState(0, fluid, self.motion.solids.poses(self._start_time))
         self._state = self._start
 
     @property
@@ -130,13 +143,13 @@ class Simulation:
 
     @property
     def time(self) -> float:
-        """Seconds since the start of the scene."""
-        return self._state.frame * FRAME_TIME
+        """Seconds since the start of the scene, or of the one that it continues."""
+        return self._start_time + self._state.frame * self._units.frame_time
 
     @property
     def frame(self) -> Frame:
         """The particles now."""
-        return as_frame(self.time, self._state.fluid.positions, self._state.fluid.velocities)
+        return self._as_frame(self.time, self._state.fluid.positions, self._state.fluid.velocities, self._state.poses)
 
     def reset(self, state: SimulationState | None = None) -> None:
         """Return to an earlier state of this simulation, or of one of the same scene; by default to the start.
@@ -146,18 +159,68 @@ class Simulation:
         """
         if state is not None and not isinstance(state, SimulationState):
             raise InputError(f"a simulation is reset to its 'state', not to {type(state).__name__}")
-        self._state = self._start if state is None else state
+        state = self._start if state is None else state
+        # What began to move after that state stood at rest in it.
+        rest = {name: pose for name, pose in self.motion.solids.poses(0.0).items() if name not in state.poses}
+        self._state = replace(state, poses={**rest, **state.poses}) if rest else state
 
     @torch.no_grad()
     def step(self) -> Frame:
-        """Advance by 0.005 s and return the particles.
+        """Advance by a frame of the simulator and return the particles.
+
+        That is 0.005 s with particles of 15 mm, and in proportion to the root of their radius with others.
 
         Raises:
             SimulationError: the simulation failed: particles are at infinity or collapsed into a clump.
         """
-        fluid, _ = self._simulator.step(self._state.fluid, self._environment, self.handle_collisions)
-        self._state = SimulationState(self._state.frame + 1, fluid)
+        number, environment = self._state.frame + 1, self._environment
+        poses = self.motion.next_poses(self._state.poses, self._start_time + number * self._units.frame_time)
+        if environment.moving is not None:
+            motion = self._motion_between(environment.moving, self._state.poses, poses)
+            warn_jumps(motion, number, self._units)
+            environment = environment.moved(motion)
+        fluid, _ = self._simulator.step(self._state.fluid, environment, self.handle_collisions)
+        self._state = SimulationState(number, fluid, poses)
         return self.frame
+
+    def set_pose(
+        self, name: str, position: Sequence[float] | np.ndarray, rotation: Sequence[float] | np.ndarray = NO_ROTATION
+    ) -> None:
+        """Move a named surface, or the ``container``, to a pose by the end of the next step, and keep it there.
+
+        Args:
+            name: its key under ``surfaces``.
+            position: (3,) meters, of the origin of its own frame, where ``at`` puts it at rest.
+            rotation: (4,) quaternion w, x, y, z of any length but zero.
+
+        Raises:
+            InputError: there is no such surface, a value is unusable, or the simulator knows no moving solids.
+        """
+        pose = Pose.of(position, rotation)
+        self.set_motion(name, lambda time: pose)
+
+    def set_motion(self, name: str, motion: Callable[[float], Pose]) -> None:
+        """Move a named surface, or the ``container``, by a function from the time in seconds to its pose.
+
+        Raises:
+            InputError: there is no such surface, or the simulator knows no moving solids.
+        """
+        if self.motion.override(name, motion):
+            return
+        # What stood still so far moves from now on, in a frame of its own.
+        rest = self.motion.solids.poses(self._start_time)
+        poses = {name: rest[name], **self._state.poses}
+        self.surface = self.motion.solids.still
+        self._environment = self._make_environment()
+        self._state = replace(self._state, poses=poses)
+        self._start = replace(self._start, poses=rest)
+
+    def _make_environment(self) -> Environment:
+        solids = self._units.solids_to_solver(self.motion.solids, self._start_time)
+        solver_scene = self._units.scene_to_solver(self.scene)
+        environment = Environment.of(solver_scene, solids.still, self._device, solids)
+        self._simulator.check_knows(environment)
+        return environment
 
     def run(self, seconds: float | None = None, fps: float | None = None) -> Iterator[Frame]:
         """Yield the present frame and those of the next ``seconds``; afterwards the state is the one at their end.
@@ -166,17 +229,19 @@ class Simulation:
         out of the solid where the spline enters it.
 
         Args:
-            seconds: simulated time; by default the scene's frames of 0.005 s.
-            fps: frames per second, at most 200; by default every step is a frame.
+            seconds: simulated time; by default that of the scene's frames.
+            fps: frames per second, at most one frame a step (200 with particles of 15 mm); by default those of the
+                scene, in which every step is a frame unless it says otherwise.
 
         Raises:
             InputError: a value is out of range.
             SimulationError: as :meth:`step`.
         """
-        steps = self.scene.frames if seconds is None else seconds / FRAME_TIME
-        interval = 1.0 if fps is None else 1 / (fps * FRAME_TIME) if fps > 0 else math.inf
+        frame_time = self._units.frame_time
+        interval = (self.scene.frame_time if fps is None else 1 / fps if fps > 0 else math.inf) / frame_time
+        steps = self.scene.frames * interval if seconds is None else seconds / frame_time
         if not (0 < steps < math.inf and 1 - ROUNDING <= interval < math.inf):
-            raise InputError(f"seconds must be above 0 and fps above 0 and at most {1 / FRAME_TIME:g}")
+            raise InputError(f"seconds must be above 0 and fps above 0 and at most {1 / frame_time:.5g}")
         return self._frames(self._state.frame, steps, interval)
 
     def record(self, path: str | Path, seconds: float | None = None) -> None:
@@ -194,7 +259,7 @@ class Simulation:
         count = len(self._state.fluid.positions)
         with TrajectoryWriter(Path(path), self.scene, Provenance(self.name), count) as writer:
             for frame in frames:
-                writer.append(frame.positions, frame.velocities)
+                writer.append(frame.positions, frame.velocities, frame.poses)
 
     def _frames(self, first: int, steps: float, interval: float) -> Iterator[Frame]:
         before = self._state
@@ -213,32 +278,27 @@ class Simulation:
         if part > 1 - ROUNDING:
             return self.frame
         old, new = before.fluid, self._state.fluid
-        positions, velocities = hermite(old, new, part)
+        positions, velocities = hermite((old.positions, old.velocities), (new.positions, new.velocities), part)
+        environment, poses = self._environment, before.poses
+        if environment.moving is not None:
+            poses = {name: between(pose, self._state.poses[name], part) for name, pose in before.poses.items()}
+            environment = environment.moved(self._motion_between(environment.moving, before.poses, poses, part))
         if self.handle_collisions:
-            result = resolve_collisions(old.positions, positions, velocities, self._environment)
+            result = resolve_collisions(old.positions, positions, velocities, environment)
             positions, velocities = result.positions, result.velocities
-        return as_frame(target * FRAME_TIME, positions, velocities)
+        time = self._start_time + target * self._units.frame_time
+        return self._as_frame(time, positions, velocities, poses)
 
+    def _motion_between(
+        self, moving: MovingSolids, start: Mapping[str, Pose], end: Mapping[str, Pose], part: float = 1.0
+    ) -> FrameMotion:
+        """The motion between poses of the scene in a part of a frame, in the units of the solver."""
+        before, after = ({name: self._units.pose_to_solver(pose) for name, pose in of.items()} for of in (start, end))
+        return moving.between(before, after, part * FRAME_TIME)
 
-def hermite(
-    old: FluidState, new: FluidState, part: float, frame_time: float = FRAME_TIME
-) -> tuple[torch.Tensor, torch.Tensor]:
-    """Positions and velocities (N, 3) at a ``part`` of the way between two frames, on cubic Hermite splines."""
-    s, h = part, frame_time
-    positions = (
-        (1 + 2 * s) * (1 - s) ** 2 * old.positions
-        + s * (1 - s) ** 2 * h * old.velocities
-        + s**2 * (3 - 2 * s) * new.positions
-        + s**2 * (s - 1) * h * new.velocities
-    )
-    velocities = (
-        6 * s * (1 - s) / h * (new.positions - old.positions)
-        + (1 - s) * (1 - 3 * s) * old.velocities
-        + s * (3 * s - 2) * new.velocities
-    )
-    return positions, velocities
-
-
-def as_frame(time: float, positions: torch.Tensor, velocities: torch.Tensor) -> Frame:
-    """A frame with copies of the particles as NumPy arrays."""
-    return Frame(time, *(values.detach().float().cpu().numpy().copy() for values in (positions, velocities)))
+    def _as_frame(
+        self, time: float, positions: torch.Tensor, velocities: torch.Tensor, poses: Mapping[str, Pose]
+    ) -> Frame:
+        """A frame with copies of the particles as NumPy arrays, in the units of the scene."""
+        arrays = (values.detach().float().cpu().numpy().copy() for values in (positions, velocities))
+        return Frame(time, *self._units.frame_from_solver(*arrays), poses)

@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 import time
+from importlib.resources import files
 
 import av
 import h5py
@@ -16,6 +17,9 @@ import trimesh
 from safetensors.torch import save_file
 
 from surfsup import __version__
+from surfsup.cli.generate import RECIPE_NAMES
+from surfsup.cli.train import PRESET_NAMES
+from surfsup.datasets.recipes import RECIPES
 from surfsup.io.trajectory import Trajectory
 from surfsup.learned import weights_file
 from surfsup.learned.training_domain import TrainingDomain
@@ -210,9 +214,49 @@ def test_an_interrupt_leaves_a_readable_trajectory_and_status_130(scene, tmp_pat
         running.send_signal(signal.SIGINT)
         _, errors = running.communicate(timeout=60)
     assert running.returncode == 130, errors
-    assert "interrupted" in errors
     with Trajectory(out / "trajectory.h5") as trajectory:
         assert len(trajectory) == json.loads((out / "summary.json").read_text())["frames"]
+        assert f"interrupted; {len(trajectory)} of 20000 frames are kept in {out / 'trajectory.h5'}" in errors
+
+
+def test_an_interrupt_before_the_first_frame_says_so(scene, tmp_path):
+    script = (
+        "import sys, surfsup.sph.device as device\n"
+        "def interrupt(name): raise KeyboardInterrupt\n"
+        "device.choose_device = interrupt\n"
+        "from surfsup.cli.program import main\n"
+        "main()"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", script, "simulate", str(scene)], capture_output=True, text=True, check=False
+    )
+    assert (done.returncode, done.stderr) == (130, "surfsup: interrupted; nothing was finished yet\n")
+
+
+@pytest.mark.parametrize("corner", ["-0.15,-0.15,0.45", "-0.15 -0.15 0.45"])
+def test_a_vector_is_three_words_or_one_with_commas(corner, tmp_path):
+    ball = tmp_path / "ball.ply"
+    trimesh.creation.icosphere(2, 0.2).export(ball)
+    block = ("--block-min", *corner.split(), "--block-max=0.15,0.15,0.6")
+    done = surfsup(
+        "simulate", ball, "--fit", 0.3, *block, "--frames", 2, "-o", tmp_path / "out", "--no-page", "--no-video"
+    )
+    assert done.returncode == 0, done.stderr
+    with Trajectory(tmp_path / "out" / "trajectory.h5") as trajectory:
+        (water,) = trajectory.scene.fluid
+    assert (water.block.min, water.block.max) == ((-0.15, -0.15, 0.45), (0.15, 0.15, 0.6))
+
+
+def test_a_vector_of_two_numbers_is_refused(tmp_path):
+    done = surfsup("simulate", "ball.ply", "--at", "0,1")
+    assert done.returncode == 2
+    assert "'--at' requires 3 arguments" in done.stderr
+
+
+def test_the_help_names_every_recipe_and_preset():
+    assert set(RECIPE_NAMES) == set(RECIPES)
+    presets = files("surfsup.training") / "presets"
+    assert {f"{name}.yaml" for name in PRESET_NAMES} == {entry.name for entry in presets.iterdir()}
 
 
 def test_without_graphics_the_error_names_the_package_and_no_video_works(scene, tmp_path):

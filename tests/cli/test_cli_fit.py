@@ -51,7 +51,7 @@ def test_a_network_of_several_bowls_needs_the_name_of_one(tmp_path):
     assert load_deepsdf(out).names == ["bowl-0000", "bowl-0001"]
     several = surfsup("simulate", out, "-o", tmp_path / "water")
     assert several.returncode == 2
-    assert "holds 2 shapes; choose one by its name, as 'bowl-0000'" in several.stderr
+    assert "holds 2 shapes; choose one by its name, as in --shape bowl-0000" in several.stderr
 
 
 def test_an_interrupted_fit_keeps_its_checkpoint_and_can_be_resumed(ball, tmp_path):

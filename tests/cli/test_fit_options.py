@@ -1,12 +1,10 @@
 """How a fit ends: what it writes, what it prints, and its exit status."""
 
 import pytest
-import typer
 
 from surfsup.cli.fit_options import FitOptions, run_and_write
 from surfsup.cli.options import stop_after
-from surfsup.cli.status import INTERRUPTED
-from surfsup.errors import InputError
+from surfsup.errors import InputError, Interrupted
 from surfsup.fitting.exact_shape import ExactSurface
 from surfsup.fitting.siren_fit import SirenConfig, SirenFit, SirenTarget
 from surfsup.fitting.siren_result import NoInside
@@ -43,18 +41,16 @@ def test_an_interrupt_before_there_is_an_inside_has_the_status_of_an_interrupt(f
         stop.signaled = True
         return write_nothing()
 
-    with pytest.raises(typer.Exit) as ended:
+    with pytest.raises(Interrupted, match="--resume continues"):
         run_and_write(fit, stop, False, write_after_a_signal)
-    assert ended.value.exit_code == INTERRUPTED
     assert "no inside yet" in capsys.readouterr().out
 
 
 def test_an_interrupt_before_the_first_step_has_the_status_of_an_interrupt(fit):
     stop = stop_after("")
     stop.signaled = True
-    with pytest.raises(typer.Exit) as ended:
+    with pytest.raises(Interrupted, match="--resume continues"):
         run_and_write(fit, stop, False, write_nothing)
-    assert ended.value.exit_code == INTERRUPTED
 
 
 def test_a_fit_that_ends_without_an_inside_is_bad_input(fit):
@@ -62,6 +58,8 @@ def test_a_fit_that_ends_without_an_inside_is_bad_input(fit):
         run_and_write(fit, stop_after(""), False, write_nothing)
 
 
-def test_a_time_limit_before_the_first_step_is_bad_input(fit):
-    with pytest.raises(InputError, match="give more --time"):
-        run_and_write(fit, stop_after("0.000001s"), False, write_nothing)
+def test_a_time_limit_leaves_time_for_a_step_and_few_steps_are_said_to_be_of_no_use(fit, capsys):
+    fit.config = fit.config.model_copy(update={"steps": 11})
+    run_and_write(fit, stop_after("0.000001s"), False, lambda: [])
+    assert fit.step == 1
+    assert "not fit for water" in capsys.readouterr().out

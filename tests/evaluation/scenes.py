@@ -57,6 +57,7 @@ class Replay:
         self, state, environment, frames, handle_collisions=True
     ) -> Iterator[tuple[ParticleState, torch.Tensor]]:
         """The given frames, for any initial state."""
+        self.handled_collisions = handle_collisions
         for positions, velocities in self.frames[:frames]:
             state = ParticleState(torch.from_numpy(positions), torch.from_numpy(velocities))
             yield state, torch.full((len(positions),), self.collided)

@@ -90,6 +90,13 @@ def test_the_first_scenes_of_a_folder_are_scored(reference, tmp_path):
     assert scores.chamfer < 3e-5
 
 
+@pytest.mark.parametrize("handle_collisions", [True, False])
+def test_rollouts_have_collision_handling_if_it_is_requested(reference, tmp_path, handle_collisions):
+    replay = Replay(reference.positions[:], reference.velocities[:])
+    list(score_rollouts(replay, tmp_path, scenes=1, frames=3, handle_collisions=handle_collisions))
+    assert replay.handled_collisions == handle_collisions
+
+
 def test_a_folder_without_trajectories_is_rejected(tmp_path):
     with pytest.raises(InputError, match="has no trajectories"):
         list(score_rollouts(DfsphSolver(), tmp_path, scenes=1, frames=6))

@@ -3,10 +3,11 @@ import json
 import numpy as np
 import pytest
 
-from surfsup.errors import InputError
+from surfsup.errors import InputError, Interrupted
 from surfsup.io.output_folder import OutputFolder
 from surfsup.io.trajectory import Provenance, Trajectory
 from surfsup.scene import Scene
+from surfsup.scene.solids import Solids
 from surfsup.sdf import Sphere
 
 SCENE = Scene.from_yaml("frames: 12\nfluid: [{block: {min: [0, 0, 1], max: [0.1, 0.1, 1.1]}}]", "test")
@@ -18,13 +19,13 @@ def frames(number=12, stop=None):
     for frame in range(number):
         if frame == stop:
             raise KeyboardInterrupt
-        yield START.positions + np.float32(0.001 * frame), np.zeros_like(START.positions)
+        yield START.positions + np.float32(0.001 * frame), np.zeros_like(START.positions), {}
 
 
 def record(folder, source, surface=None):
     reported = []
     summary = folder.record(
-        SCENE, surface, source, Provenance("a test", 7), "cpu", lambda *progress: reported.append(progress)
+        SCENE, Solids(surface), source, Provenance("a test", 7), "cpu", lambda *progress: reported.append(progress)
     )
     return summary, reported
 
@@ -44,10 +45,10 @@ def test_frames_and_summary_and_progress_agree(tmp_path):
 
 def test_particles_in_the_solid_and_out_of_the_container_are_counted(tmp_path):
     def frames_with_penetrations():
-        for positions, velocities in frames(3):
+        for positions, velocities, poses in frames(3):
             positions = positions.copy()
             positions[0], positions[1] = (0, 0, 0), (0.6, 0, 1)
-            yield positions, velocities
+            yield positions, velocities, poses
 
     summary, _ = record(OutputFolder(tmp_path, COUNT, 12), frames_with_penetrations(), Sphere(0.1))
     assert (summary.penetrations, summary.out_of_container) == (3, 3)
@@ -55,7 +56,7 @@ def test_particles_in_the_solid_and_out_of_the_container_are_counted(tmp_path):
 
 def test_an_interrupt_keeps_the_finished_frames(tmp_path):
     folder = OutputFolder(tmp_path, COUNT, 12)
-    with pytest.raises(KeyboardInterrupt):
+    with pytest.raises(Interrupted, match=f"5 of 12 frames are kept in {folder.trajectory}"):
         record(folder, frames(stop=5))
     with Trajectory(folder.trajectory) as trajectory:
         assert len(trajectory) == 5

@@ -19,6 +19,7 @@ from surfsup.io.trajectory import (
     TrajectoryWriter,
 )
 from surfsup.scene import Scene
+from surfsup.scene.pose import Pose
 
 PARTICLES = 20
 SCENE = Scene.from_yaml(
@@ -70,7 +71,7 @@ def test_the_layout_is_the_one_that_other_programs_read(tmp_path):
             assert (data.compression, data.compression_opts, data.shuffle) == ("gzip", 1, True)
         assert group["particle_type"].shape == (PARTICLES,)
         assert (group["particle_type"][:] == 0).all()
-        assert set(file.attrs) == {"scene", "frame_time", "radius", "model", "seed", "version"}
+        assert set(file.attrs) == {"scene", "frame_time", "start_time", "radius", "model", "seed", "version"}
         assert (file.attrs["frame_time"], file.attrs["radius"]) == (0.005, 0.015)
 
 
@@ -308,3 +309,23 @@ def test_frames_are_read_without_a_readable_scene(tmp_path):
             np.testing.assert_array_equal(one, other[2:5])
     with pytest.raises(InputError, match="scene"):
         Trajectory(tmp_path / "a.h5")
+
+
+def test_poses_are_kept_by_name_and_a_file_without_any_has_none(tmp_path):
+    path = tmp_path / "t.h5"
+    zero = np.zeros((2, 3), np.float32)
+    with TrajectoryWriter(path, SCENE, Provenance("a test"), 2) as writer:
+        for frame in range(20):  # one solid moves from the start, another from frame 10 on
+            poses = {"cup": Pose.of((frame, 0, 0))}
+            if frame >= 10:
+                poses["a lid"] = Pose.of((0, frame, 0), (0, 1, 0, 0))
+            writer.append(zero, zero, poses)
+    with Trajectory(path) as trajectory:
+        assert set(trajectory.poses) == {"cup", "a lid"}
+        np.testing.assert_array_equal(trajectory.poses["cup"][:, 0], np.arange(20))
+        np.testing.assert_array_equal(trajectory.poses["a lid"][:, 1], np.maximum(np.arange(20), 10))
+        np.testing.assert_array_equal(trajectory.poses["a lid"][0, 3:], (0, 1, 0, 0))
+    with TrajectoryWriter(path, SCENE, Provenance("a test"), 2) as writer:
+        writer.append(zero, zero)
+    with Trajectory(path) as trajectory:
+        assert trajectory.poses == {}

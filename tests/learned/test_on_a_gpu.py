@@ -52,7 +52,7 @@ def rollout(scene: Scene, device: str) -> list[np.ndarray]:
     """The frames of the default simulator; each is checked against the surface on the CPU, as the command line does."""
     simulation = Simulation(scene, device=device)
     frames = [frame.positions for frame in simulation.run()]
-    assert all(count_penetrations(scene.container, simulation.surface, frame) == (0, 0) for frame in frames)
+    assert all(count_penetrations(scene.container, simulation.motion.solids, frame, {}) == (0, 0) for frame in frames)
     return frames
 
 

@@ -100,6 +100,14 @@ def test_weights_of_another_version_are_refused_with_a_remedy(path):
     assert "'surfsup-simulator-4' of another version" in message and "train the model again" in message
 
 
+def test_weights_of_format_5_have_the_node_features_of_their_time(path):
+    save_file(load_file(path), path, metadata=header(format="surfsup-simulator-5"))
+    simulator, _ = weights_file.load(path)
+    assert simulator.architecture == MessagePassingArchitecture(width=8, layers=3, radius=0.05, features=1)
+    weights_file.save(path, simulator, weights_file.Card("a name", "about it"))
+    assert weights_file.load(path)[0].architecture.features == 1
+
+
 @pytest.mark.parametrize(
     "changes",
     [

@@ -21,5 +21,22 @@ def test_the_learning_rate_rises_linearly_and_decays_to_its_final_value(schedule
     assert learning_rate(options, 1000) == pytest.approx(2e-5)
 
 
+def test_the_inverse_square_root_does_not_depend_on_the_number_of_steps():
+    rates = [
+        [learning_rate(config(schedule="inverse-sqrt", **{**RATES, "steps": steps}), step) for step in range(1000)]
+        for steps in (200, 1000)
+    ]
+    assert rates[0] == rates[1]
+    assert rates[0][0] == pytest.approx(2e-5)
+    assert max(rates[0]) == rates[0][99] == pytest.approx(2e-3)
+    assert rates[0][399] == pytest.approx(1e-3)
+    assert all(a > b for a, b in pairwise(rates[0][99:]))
+
+
+def test_the_inverse_square_root_ends_at_the_final_rate():
+    assert learning_rate(config(schedule="inverse-sqrt", **RATES), 10_000_000) == 2e-5
+    assert learning_rate(config(schedule="inverse-sqrt", **{**RATES, "warm_up": 0}), 0) == 2e-3
+
+
 def test_without_warm_up_the_first_step_has_the_full_rate():
     assert learning_rate(config(**{**RATES, "warm_up": 0}), 0) == 2e-3

@@ -3,7 +3,7 @@ import copy
 import pytest
 import torch
 
-from surfsup.optim.soap import Soap
+from surfsup.optim.soap import Soap, eigenvectors
 
 
 def curvature_matrix(size: int, seed: int = 0) -> torch.Tensor:
@@ -94,3 +94,33 @@ def test_its_state_is_tensors_from_which_another_continues_bit_for_bit(steps):
     descend(soap, weight, curvature, 15)
     descend(again, other, curvature, 15)
     assert torch.equal(weight, other)
+
+
+def assert_diagonalizes(basis: torch.Tensor, product: torch.Tensor) -> None:
+    size = len(product)
+    torch.testing.assert_close(basis.T @ basis, torch.eye(size), atol=1e-4, rtol=0)
+    rotated = basis.T @ product @ basis
+    assert (rotated - torch.diag(rotated.diagonal())).norm() < 1e-4 * product.norm()
+
+
+def test_the_eigenvectors_of_a_product_of_low_rank():
+    gradient = torch.randn(64, 3, generator=torch.Generator().manual_seed(0))
+    assert_diagonalizes(eigenvectors(gradient @ gradient.T), gradient @ gradient.T)
+
+
+def test_eigenvectors_that_are_nan_in_single_precision_are_computed_in_double(monkeypatch):
+    eigh, used = torch.linalg.eigh, []
+
+    def failing_in_single(matrix):  # which matrices fail depends on the LAPACK of the machine
+        used.append(matrix.dtype)
+        result = eigh(matrix)
+        if matrix.dtype == torch.float32:
+            result.eigenvectors[0, 0] = torch.nan
+        return result
+
+    monkeypatch.setattr(torch.linalg, "eigh", failing_in_single)
+    curvature = curvature_matrix(8)
+    basis = eigenvectors(curvature)
+    assert used == [torch.float32, torch.float64]
+    assert basis.dtype == torch.float32 and basis.is_contiguous()
+    assert_diagonalizes(basis, curvature)

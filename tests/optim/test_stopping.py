@@ -4,6 +4,7 @@ import signal
 import pytest
 
 from surfsup.errors import InputError
+from surfsup.optim import stopping
 from surfsup.optim.stopping import Stop, parse_duration
 
 
@@ -11,6 +12,18 @@ def test_a_time_limit_stops():
     assert not Stop()()
     assert not Stop(1000)()
     assert Stop(0)()
+
+
+def test_the_time_limit_counts_from_the_first_call(monkeypatch):
+    now = [100.0]
+    monkeypatch.setattr(stopping.time, "monotonic", lambda: now[0])
+    stop = Stop(10)
+    now[0] = 1000.0
+    assert not stop()
+    now[0] = 1009.9
+    assert not stop()
+    now[0] = 1010.0
+    assert stop()
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])

@@ -20,7 +20,7 @@ def message(text: str) -> str:
 @pytest.mark.parametrize(
     ("text", "key", "nearest"),
     [
-        (WATER + "surfaces: {sphere: {radius: 1}}", "surfaces", "surface"),
+        (WATER + "surfase: {sphere: {radius: 1}}", "surfase", "surface"),
         ("fluids: []", "fluids", "fluid"),
         (WATER + "container: {sise: [1, 1, 1]}", "container.sise", "size"),
         (WATER + "surface: {shpere: {radius: 1}}", "surface.shpere", "sphere"),
@@ -41,7 +41,10 @@ def test_an_unknown_key_is_reported_with_the_closest_valid_one(text, key, neares
 
 
 def test_an_unknown_key_without_a_close_match_is_reported_with_all_valid_keys():
-    assert message(WATER + "qqq: 1") == ("unknown key 'qqq'; known are container, surface, fluid, gravity, frames")
+    assert message(WATER + "qqq: 1") == (
+        "unknown key 'qqq'; known are container, surface, surfaces, fluid, gravity, frames, particle_radius, fps, "
+        "duration, restart"
+    )
 
 
 def test_an_unknown_key_of_several_lines_makes_a_message_of_one_line():

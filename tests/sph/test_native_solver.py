@@ -262,7 +262,13 @@ def step_arguments(count: int = 10) -> dict[str, object]:
     container = {"lower": BOUNDS[0].numpy(), "upper": BOUNDS[1].numpy(), "gravity": GRAVITY.numpy()}
     solid = {"boundary_map": None, "rotation": np.eye(3, dtype=np.float32), "solid": None, "handle_collisions": True}
     rest = {"query_distance": np.zeros(count, np.float32), "collided": np.zeros(count, bool), "record": None}
-    return vectors | container | solid | rest | {"isa": native.instruction_sets()[0], "threads": 1, "max_pairs": 1000}
+    return (
+        vectors
+        | container
+        | solid
+        | rest
+        | {"moving": None, "isa": native.instruction_sets()[0], "threads": 1, "max_pairs": 1000}
+    )
 
 
 @pytest.mark.parametrize(

@@ -26,10 +26,10 @@ def test_fluid_far_from_walls_gives_no_warning(x, y):
 
 
 def test_fluid_close_to_one_wall_gives_a_warning():
-    with pytest.warns(CompressedStartWarning, match=r"it begins 0\.030 m from a wall, .* leave 0\.034 m"):
+    with pytest.warns(CompressedStartWarning, match=r"it begins 30 mm from a wall, .* leave 34 mm"):
         warn(0.0, 0.2)
 
 
 def test_fluid_in_a_corner_needs_a_larger_distance():
-    with pytest.warns(CompressedStartWarning, match=r"it begins 0\.036 m from several walls, .* leave 0\.049 m"):
+    with pytest.warns(CompressedStartWarning, match=r"it begins 36 mm from several walls, .* leave 49 mm"):
         warn(0.006, 0.006)

@@ -3,14 +3,18 @@ import os
 import signal
 import subprocess
 import tempfile
+from dataclasses import replace
 
 import numpy as np
 import pytest
+import torch
 
 from surfsup.errors import InputError
 from surfsup.io.trajectory import Provenance, Trajectory, TrajectoryWriter
 from surfsup.scene import FRAME_TIME, Block, Scene
+from surfsup.scene.solids import build_solids
 from surfsup.splishsplash import job_files, solver
+from tests.scene.similar import similar_scene
 
 try:
     solver.check_installed()
@@ -224,3 +228,62 @@ def test_a_missing_solver_is_reported_by_the_child(tmp_path, monkeypatch):
 
 def test_an_installed_solver_is_no_error():
     solver.check_installed()
+
+
+def test_similar_scenes_give_the_same_frames_after_scaling():
+    runs = []
+    for factor in (1.0, 1 / 3):
+        scene = similar_scene(factor, frames=6)
+        surface = scene.build_surface()
+        runs.append(list(solver.simulate(scene, surface, scene.initial_particles(surface))))
+    for (positions, velocities), (small_positions, small_velocities) in zip(*runs, strict=True):
+        np.testing.assert_allclose(3 * small_positions, positions, atol=2e-4)
+        assert np.abs(np.sqrt(3) * small_velocities - velocities).mean() < 2e-3
+
+
+def test_frames_come_at_the_rate_of_the_scene():
+    block = Block((-0.1, -0.1, 1.0), (0.1, 0.1, 1.2), velocity=(1.0, 0.0, 0.0))
+    scene = Scene(fluid=[block], fps=60, frames=4)
+    frames = list(solver.simulate(scene, None, scene.initial_particles(None)))
+    assert len(frames) == 4
+    for number, (positions, velocities) in enumerate(frames):
+        np.testing.assert_allclose(positions[:, 0] - frames[0][0][:, 0], number / 60, atol=1e-4)
+        np.testing.assert_allclose(velocities[:, 2], -9.81 * number / 60, atol=1e-2)
+
+
+def test_every_particle_starts_at_its_own_velocity():
+    scene = Scene(fluid=[Block((-0.1, -0.1, 1.0), (0.1, 0.1, 1.2))], gravity=(0.0, 0.0, 0.0), frames=2)
+    start = scene.initial_particles(None)
+    away = 2 * (start.positions - start.positions.mean(axis=0))
+    frames = list(solver.simulate(scene, None, replace(start, block_velocities=[away])))
+    np.testing.assert_allclose(frames[0][1], away, atol=1e-6)
+    np.testing.assert_allclose(frames[1][0], start.positions + 0.005 * away, atol=1e-4)
+
+
+def test_a_solid_that_moves_is_where_the_scene_says_and_pushes_the_water():
+    scene = read_scene(
+        "container: {size: [0.6, 0.6, 0.6]}\ngravity: [0, 0, 0]\nframes: 41\n"
+        "surfaces:\n  bar:\n    box: {size: [0.4, 0.05, 0.1]}\n    at: [0, 0, 0.3]\n"
+        "    rotate: {axis: [0, 1, 0], degrees: 20}\n    motion: {spin: {axis: [0, 0, 1], rate: 8}}\n"
+        "fluid: [{block: {min: [0.05, 0.08, 0.2], max: [0.2, 0.2, 0.4]}}]"
+    )
+    (bar,) = build_solids(scene).moving
+    positions, velocities = run(scene)
+    distance = [
+        float(bar.surface.distance(torch.from_numpy(bar.pose(k * FRAME_TIME).to_own(x).astype(np.float32))).min())
+        for k, x in enumerate(positions)
+    ]
+    assert min(distance) > 0.01
+    x, v = positions[-1], velocities[-1]
+    assert (x[:, 0] * v[:, 1] - x[:, 1] * v[:, 0]).mean() > 0.05  # it turns with the bar
+
+
+def test_the_water_of_a_container_that_moves_moves_with_it():
+    scene = read_scene(
+        "container: {size: [0.3, 0.3, 0.4], motion: {keyframes: [{time: 0}, {time: 0.3, position: [0.2, 0, 0]}]}}\n"
+        "frames: 61\nfluid: [{block: {min: [-0.13, -0.13, 0.02], max: [0.13, 0.13, 0.14]}}]"
+    )
+    positions, _ = run(scene)
+    shift = build_solids(scene).container(60 * FRAME_TIME).position
+    assert (np.abs(positions[-1][:, :2] - shift[:2]) < 0.15).all()
+    assert positions[-1][:, 0].mean() == pytest.approx(0.2, abs=0.05)

@@ -12,7 +12,7 @@ def error_of(name: str, *overrides: str) -> str:
     return str(error.value)
 
 
-@pytest.mark.parametrize("name", ["corrected", "surfsup", "value-only", "no-sdf", "gns", "paper-recipe"])
+@pytest.mark.parametrize("name", ["corrected", "surfsup", "value-only", "no-sdf", "gns", "decay", "paper-recipe"])
 def test_every_preset_is_valid_and_covers_all_steps(name):
     config = load_config(name)
     assert config.phases[-1].until == 1
@@ -24,7 +24,21 @@ def test_the_paper_recipe_is_that_of_the_supplement():
     assert config.architecture == MessagePassingArchitecture(width=128, layers=10)
     assert (config.optimizer, config.schedule, config.steps, config.warm_up) == ("adam", "exponential", 2_000_000, 0)
     assert (config.learning_rate, config.final_learning_rate) == (1e-4, 1e-6)
-    assert all(phase.pushforward == phase.density == 0 for phase in config.phases)
+    assert config.phases == [Phase(until=1, noise=3e-4, noise_decades=0)]
+
+
+def test_the_recipe_of_the_paper_s_networks_has_no_collision_handling_and_can_be_continued():
+    config = load_config("surfsup")
+    assert (config.steps, config.schedule) == (100_000, "inverse-sqrt")
+    assert not config.validation_collisions
+    assert not any(phase.handle_collisions for phase in config.phases if phase.pushforward)
+
+
+def test_the_preset_decay_ends_a_run_of_the_preset_surfsup():
+    long, end = load_config("surfsup"), load_config("decay", ["kind=gns"])
+    assert (end.schedule, end.final_learning_rate, end.kind) == ("cosine", 0, "gns")
+    assert end.phases == long.phases[-1:]
+    assert end.architecture.width == long.architecture.width
 
 
 def test_overrides_replace_values_of_the_preset():
@@ -69,8 +83,8 @@ def test_a_file_can_extend_a_preset(tmp_path):
         ("corrected", "surface_particles=4", "'surface_particles' is not a size of kind 'corrected'"),
         ("corrected", "size=paper", "kind 'corrected' has no named sizes"),
         ("corrected", "precision=bf16", "kind 'corrected' computes in precision 32 only"),
-        ("surfsup", "phases=[{until: 1, small_errors: 1}]", "kind 'surfsup' has no small_errors term"),
-        ("corrected", "phases=[{until: 1, density: 1}]", "kind 'corrected' has no density term"),
+        ("corrected", "phases=[{until: 1, density: 1}]", "'density' is not for kind 'corrected'"),
+        ("corrected", "phases=[{until: 1, displaced: 0.1}]", "'displaced' is not for kind 'corrected'"),
         ("surfsup", "layers=1000", "layers is 1000"),
     ],
 )

@@ -2,6 +2,7 @@ import csv
 import os
 import shutil
 import signal
+import warnings
 
 import h5py
 import pytest
@@ -12,9 +13,19 @@ from surfsup.errors import InputError
 from surfsup.learned import weights_file
 from surfsup.optim.run import Diverged
 from surfsup.optim.stopping import Stop as Stopping
+from surfsup.training.config import Phase
 from surfsup.training.run import TrainingRun
 from surfsup.training.train import train
-from tests.training.conftest import Stop, assert_same, batch_of, config, message_passing, stop_at
+from tests.training.conftest import (
+    SCENE,
+    Stop,
+    assert_same,
+    batch_of,
+    config,
+    message_passing,
+    stop_at,
+    write_trajectory,
+)
 
 
 @pytest.mark.parametrize(
@@ -135,6 +146,34 @@ def test_a_loss_that_is_not_a_number_keeps_the_checkpoint_before(tmp_path, data)
     resumed = TrainingRun(config(steps=100), tmp_path)
     resumed.resume()
     assert resumed.step == 4
+
+
+def test_a_run_resumed_with_other_data_says_so_and_continues(tmp_path, data):
+    options = message_passing("surfsup", phases=[Phase(until=1, pushforward=3)])
+    run = TrainingRun(options, tmp_path / "run")
+    train(run, Windows(data), data, stop=lambda: run.step == 5)
+    (tmp_path / "more").mkdir()
+    for path in data.glob("*.h5"):
+        shutil.copy(path, tmp_path / "more" / path.name)
+        shutil.copy(path, tmp_path / "more" / f"again-{path.name}")
+    for folder, changed in ((data, False), (tmp_path / "more", True), (tmp_path / "more", False)):
+        resumed = TrainingRun(options, tmp_path / "run")
+        resumed.resume()
+        assert resumed.saved_states
+        last = resumed.step + 1
+        with warnings.catch_warnings(record=True) as found:
+            warnings.simplefilter("always")
+            train(resumed, Windows(folder), data, stop=lambda run=resumed, last=last: run.step == last)
+        assert [str(one.message) for one in found if "training data has changed" in str(one.message)] == changed * [
+            f"{tmp_path / 'run'}: the training data has changed; the run continues with the new data"
+        ]
+
+
+def test_a_network_with_surface_features_is_not_trained_without_surfaces(tmp_path, data):
+    write_trajectory(tmp_path / "00000.h5", SCENE.model_copy(update={"surface": None}))
+    with pytest.raises(InputError, match="'gns' learns from the surfaces of scenes, but the training data has none"):
+        train(TrainingRun(message_passing("gns"), tmp_path / "gns"), Windows(tmp_path), data)
+    train(TrainingRun(message_passing("no-sdf", steps=1), tmp_path / "no-sdf"), Windows(tmp_path), data)
 
 
 def test_folders_without_trajectories_are_refused_before_the_first_step(tmp_path, data):

@@ -6,6 +6,7 @@ import re
 import numpy as np
 import pytest
 
+from surfsup.viewing.moving_mesh import MovingMesh
 from surfsup.viewing.web_player import write_web_player
 
 POSITIONS = np.random.default_rng(0).uniform([-0.5, -0.5, 0], [0.5, 0.5, 2], (7, 50, 3)).astype(np.float32)
@@ -47,3 +48,14 @@ def test_long_trajectories_are_subsampled_and_keep_their_duration(tmp_path):
 def test_wrong_shapes_are_rejected(tmp_path):
     with pytest.raises(ValueError, match="frames, particles, 3"):
         write_web_player(tmp_path / "p.html", POSITIONS[0], None, (1, 1, 2), 0.015)
+
+
+def test_the_page_contains_the_solids_that_move_and_their_poses(tmp_path, ball):
+    poses = np.tile([0.0, 0, 1, 1, 0, 0, 0], (7, 1)) + 0.1 * np.arange(7)[:, None] * [1, 0, 0, 0, 0, 0, 0]
+    write_web_player(
+        tmp_path / "p.html", POSITIONS, None, (1, 1, 2), 0.015, moving=[MovingMesh(ball, poses)], container_poses=poses
+    )
+    header, body = contents((tmp_path / "p.html").read_text())
+    assert header["moving"] == [{"vertices": len(ball.vertices), "faces": len(ball.faces)}] and header["containerMoves"]
+    paths = np.frombuffer(body, "<f4", 2 * 7 * 7, len(body) - 7 * 50 * 3 * 2 - 2 * 7 * 7 * 4).reshape(2, 7, 7)
+    np.testing.assert_allclose(paths, [poses, poses], atol=1e-6)

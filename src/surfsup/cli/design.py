@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from surfsup.cli.options import Resume, Seed
-from surfsup.cli.progress import ProgressBar, progress_bar
-from surfsup.cli.status import INTERRUPTED
+from surfsup.cli.progress import ProgressDisplay, progress_bar
+from surfsup.cli.status import RESUMABLE, after_interrupt
+from surfsup.errors import Interrupted
 
 if TYPE_CHECKING:
     from surfsup.design.optimize import Progress
@@ -71,15 +72,16 @@ def design(
                 report = partial(show_progress, bar)
                 run = optimize(design_task, folder, iterations, smoothing, seed, resume, stop, report)
             if not run.done:
-                raise typer.Exit(INTERRUPTED)
+                raise Interrupted(RESUMABLE)
             runs.append(run)
-    for run in runs:
-        finish(run, baselines, no_verification, no_video)
+    with after_interrupt(f"the optimization is finished and kept in {out}; --resume makes the rest"):
+        for run in runs:
+            finish(run, baselines, no_verification, no_video)
     if len(runs) > 1:
         typer.echo(f"all starts    {plot_runs(runs, out / 'starts.png')}")
 
 
-def show_progress(bar: ProgressBar, progress: Progress) -> None:
+def show_progress(bar: ProgressDisplay, progress: Progress) -> None:
     """Show the progress of a run on the bar."""
     bar.description = f"reward {progress.reward:.4f}, {progress.values}"
     bar(progress.iteration, progress.iterations, progress.seconds_left)
@@ -99,7 +101,10 @@ def finish(run: DesignRun, baselines: bool, no_verification: bool, no_video: boo
     typer.echo(f"{run.task.name}: reward {run.rewards[0]:.4f} at {format_values(run.designs[0])}")
     if run.converged:
         typer.echo(f"  converged after {len(run.rewards)} designs: the last {PATIENCE} improved nothing")
-    typer.echo(f"  best  {run.rewards[run.best]:.4f} at {format_values(best)}, iteration {run.best}")
+    if run.best == 0:
+        typer.echo("  best  the first design: no iteration improved it; more --iterations or another --start may")
+    else:
+        typer.echo(f"  best  {run.rewards[run.best]:.4f} at {format_values(best)}, iteration {run.best}")
     typer.echo(f"  last  {run.rewards[-1]:.4f} at {format_values(run.designs[-1])}")
     if (remedy := run.remedy()) is not None:
         typer.echo(remedy)

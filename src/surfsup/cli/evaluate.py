@@ -10,6 +10,7 @@ import typer
 
 from surfsup.cli.options import Device, Near, NoCollisions, NoVideos
 from surfsup.cli.progress import progress_bar
+from surfsup.cli.status import after_interrupt
 
 
 def evaluate(
@@ -67,7 +68,8 @@ def evaluate(
         typer.echo(missing)
     write_page(folder / "report.html", content, no_videos=missing)
     if examples and not missing:  # rendering takes minutes; after an interrupt the page above remains
-        with progress_bar("rendering the videos") as bar:
+        kept = f"the report is kept without videos in {folder}"
+        with after_interrupt(kept), progress_bar("rendering the videos") as bar:
             write_videos(folder, examples, name, bar)
         write_page(folder / "report.html", content, examples)
     typer.echo(f"numbers       {folder / 'report.json'}")

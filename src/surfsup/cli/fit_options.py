@@ -10,12 +10,14 @@ import typer
 
 from surfsup.cli.options import Overrides, Resume, Seed, SurfaceFile, Threads, TimeLimit, UpAxis
 from surfsup.cli.progress import progress_bar
-from surfsup.cli.status import INTERRUPTED
-from surfsup.errors import InputError
+from surfsup.cli.status import RESUMABLE
+from surfsup.errors import Interrupted
 
 if TYPE_CHECKING:
     from surfsup.fitting.fit import Fit, FitConfig
     from surfsup.optim.stopping import Stop
+
+USABLE_SHARE = 0.1  # of all steps; with fewer a fit is only a rough shape
 
 Config = TypeVar("Config", bound="FitConfig")
 
@@ -59,7 +61,7 @@ def run_and_write(fit: Fit[Any, Any], stop: Stop, resume: bool, write: Callable[
     Raises:
         InputError: there is no checkpoint to resume from, or there are no weights to write.
         Diverged: the fit diverged; the best weights before it are written.
-        typer.Exit: the fit was interrupted.
+        Interrupted: the fit was interrupted.
     """
     from surfsup.fitting.fit import run_fit
     from surfsup.fitting.siren_result import NoInside
@@ -85,7 +87,7 @@ def run_and_write(fit: Fit[Any, Any], stop: Stop, resume: bool, write: Callable[
     for line in lines:
         typer.echo(line)
     typer.echo(f"{fit.step} of {fit.config.steps} steps in {fit.processor_seconds:.0f} s of processor time")
+    if fit.step < USABLE_SHARE * fit.config.steps:
+        typer.echo("so few steps give a rough shape that is not fit for water: continue with --resume and more --time")
     if stop.signaled:
-        raise typer.Exit(INTERRUPTED)
-    if not fit.best:
-        raise InputError("there was no time for a single step; give more --time")
+        raise Interrupted(RESUMABLE)

@@ -33,6 +33,7 @@ def siren(
     config = options.configure(SirenConfig)
     stop = stop_after(options.time_limit)
     folder = fit_folder(options.out, options.resume)
+    typer.echo("sampling the shape; the fit begins after that, and so does --time", err=True)
     target, shape = load_target(source, options.up, config.samples, config.seed)
     fit = SirenFit(config, target, folder)
 

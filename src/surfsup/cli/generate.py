@@ -9,12 +9,25 @@ import typer
 
 from surfsup.cli.options import Scheduler, Seed, Workers
 from surfsup.cli.progress import progress_bar
+from surfsup.cli.status import after_interrupt
+
+# Their modules are slow to import; a test compares the names.
+RECIPE_NAMES = (
+    "prim-shapes",
+    "prim-unions",
+    "funnels",
+    "bowls",
+    "chairs",
+    "complex-scenes",
+    "mountain",
+    "assorted",
+    "tanks",
+    "hills",
+)
 
 
 def generate(
-    recipe: Annotated[
-        str, typer.Argument(metavar="RECIPE", help="Name of the recipe, such as prim-shapes, bowls or chairs.")
-    ],
+    recipe: Annotated[str, typer.Argument(metavar="RECIPE", help=f"Name of the recipe: {', '.join(RECIPE_NAMES)}.")],
     out: Annotated[Path, typer.Option("-o", "--out", help="Folder of the data set.")],
     n: Annotated[int, typer.Option("-n", help="Number of scenes.")],
     seed: Seed = 0,
@@ -31,7 +44,8 @@ def generate(
     """
     from surfsup.datasets.generation.generate import generate as generate_data_set
 
-    with progress_bar(f"simulating {n} scenes of {recipe}") as bar:
+    kept = f"the finished scenes are kept in {out}; the same command adds the others"
+    with after_interrupt(kept), progress_bar(f"simulating {n} scenes of {recipe}") as bar:
         paths = generate_data_set(recipe, out, n, seed, frames, source, workers, scheduler, bar)
     typer.echo(f"{len(paths)} trajectories in {out}; dataset.yaml describes them")
 
@@ -49,6 +63,7 @@ def floor(
     """
     from surfsup.datasets.generation.floor import simulate_floor
 
-    with progress_bar(f"repeating {data}") as bar:
+    kept = f"the finished repeats are kept in {data / 'floor'}; the same command adds the others"
+    with after_interrupt(kept), progress_bar(f"repeating {data}") as bar:
         paths = simulate_floor(data, workers, scheduler, bar)
     typer.echo(f"{len(paths)} trajectories in {data / 'floor'}")

@@ -33,7 +33,22 @@ def stop_after(time_limit: str) -> Stop:
     return Stop(parse_duration(time_limit) if time_limit else float("inf"))
 
 
+def split_vectors(arguments: list[str]) -> list[str]:
+    """Arguments in which a vector of three numbers may be one word: ``--at 0,0,1`` becomes ``--at 0 0 1``."""
+    words: list[str] = []
+    for argument in arguments:
+        option, _, value = argument.partition("=")
+        if option in VECTOR_OPTIONS and value:
+            words += [option, *value.split(",")]
+        elif words and words[-1] in VECTOR_OPTIONS:
+            words += argument.split(",")
+        else:
+            words.append(argument)
+    return words
+
+
 Vector = tuple[float, float, float]
+VECTOR_OPTIONS = ("--at", "--block-min", "--block-max", "--container")
 SimulatorName = Annotated[
     str, typer.Option("--simulator", help="Name of a simulator (dfsph, surfsup, gns, ...) or a weights file.")
 ]

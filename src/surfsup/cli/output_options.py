@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from surfsup.cli.progress import progress_bar
+from surfsup.cli.status import after_interrupt
 
 if TYPE_CHECKING:
     from surfsup.io.output_folder import OutputFolder, Summary
@@ -50,12 +51,15 @@ class OutputOptions:
         """
         from surfsup.viewing.trajectory_pictures import write_trajectory_page, write_trajectory_video
 
-        if not self.no_page:
-            with progress_bar("writing the page") as bar:
-                write_trajectory_page(folder.trajectory, folder.page, bar)
-        if not self.no_video:
-            with progress_bar("rendering the video") as bar:
-                write_trajectory_video(folder.trajectory, folder.video, bar)
+        with after_interrupt(
+            f"the whole trajectory is kept in {folder.trajectory}; for its pictures there are the verbs view and render"
+        ):
+            if not self.no_page:
+                with progress_bar("writing the page") as bar:
+                    write_trajectory_page(folder.trajectory, folder.page, bar)
+            if not self.no_video:
+                with progress_bar("rendering the video") as bar:
+                    write_trajectory_video(folder.trajectory, folder.video, bar)
         if excluded:
             typer.echo(f"{excluded} particles that overlap the solid or each other at the start were omitted")
         typer.echo(

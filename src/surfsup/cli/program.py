@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import sys
 import warnings
-from typing import Annotated
+from typing import Annotated, NoReturn
 
 import typer
 
@@ -20,13 +20,14 @@ from surfsup.cli.export import export
 from surfsup.cli.fit import fit
 from surfsup.cli.generate import floor, generate
 from surfsup.cli.option_groups import expand_option_groups
+from surfsup.cli.options import split_vectors
 from surfsup.cli.reference import reference
 from surfsup.cli.simulate import simulate
 from surfsup.cli.status import BAD_INPUT, FAULT, INTERRUPTED
 from surfsup.cli.train import train
 from surfsup.cli.view import render, view
 from surfsup.cli.warning_lines import one_line_warnings
-from surfsup.errors import InputError, SimulationError
+from surfsup.errors import InputError, Interrupted, SimulationError
 
 app = typer.Typer(
     name="surfsup",
@@ -60,7 +61,7 @@ def main() -> None:
         sys.exit(0)
     warnings.showwarning = one_line_warnings()
     try:
-        status = app(standalone_mode=False)
+        status = app(args=split_vectors(sys.argv[1:]), standalone_mode=False)
     except (InputError, typer.TyperException) as error:
         message = error.format_message() if isinstance(error, typer.TyperException) else str(error)
         sys.stderr.write(f"surfsup: {message}\n")
@@ -68,8 +69,16 @@ def main() -> None:
     except SimulationError as error:
         sys.stderr.write(f"surfsup: {error}\n")
         sys.exit(FAULT)
+    except Interrupted as interrupt:
+        exit_interrupted(str(interrupt))
     except (KeyboardInterrupt, typer.Abort):
-        status = INTERRUPTED
-    if status == INTERRUPTED:
-        sys.stderr.write("surfsup: interrupted; finished work is kept\n")
+        exit_interrupted("nothing was finished yet")
+    if status == INTERRUPTED:  # typer's own answer to an interrupt
+        exit_interrupted("nothing was finished yet")
     sys.exit(status if isinstance(status, int) else 0)
+
+
+def exit_interrupted(kept: str) -> NoReturn:
+    """Exit after an interrupt, and print what is ``kept``."""
+    sys.stderr.write(f"surfsup: interrupted; {kept}\n")
+    sys.exit(INTERRUPTED)

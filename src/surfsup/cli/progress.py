@@ -1,8 +1,10 @@
-"""The progress bar of every verb that takes long."""
+"""The progress of every verb that takes long: a bar on a terminal, plain lines elsewhere."""
 
 from __future__ import annotations
 
+import sys
 import time
+from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from contextlib import contextmanager
 from datetime import timedelta
@@ -13,20 +15,48 @@ if TYPE_CHECKING:
 
     from surfsup.optim.loop import Progress
 
+LINE_EVERY = 5.0  # seconds between two plain lines
 
-class ProgressBar:
-    """A bar on standard error that appears with its first update; see :func:`progress_bar`.
+
+class ProgressDisplay(ABC):
+    """Shows on standard error how far a task is; see :func:`progress_bar`.
 
     Attributes:
-        description: text before the bar.
+        description: text before the numbers.
     """
 
-    def __init__(self, description: str, bars: rich.Progress) -> None:
+    def __init__(self, description: str) -> None:
         self.description = description
-        self._bars = bars
+
+    @abstractmethod
+    def __call__(self, done: int, total: int, seconds_left: float | None = None) -> None:
+        """Show that ``done`` of ``total`` are done. ``seconds_left`` is estimated from the speed so far if None."""
+
+    @abstractmethod
+    def print(self, line: str) -> None:
+        """Print a line that stays."""
+
+    @abstractmethod
+    def close(self) -> None:
+        """End the display; the last state stays on the screen."""
+
+    def report(self, progress: Progress[Any]) -> None:
+        """Show the state of an optimization; the results of validations stay on the screen."""
+        self.description = f"loss {progress.loss:.4g}"
+        self(progress.step, progress.steps, progress.seconds_left)
+        if progress.validation is not None:
+            self.print(f"step {progress.step}: {progress.validation}")
+
+
+class ProgressBar(ProgressDisplay):
+    """A bar on a terminal that appears with its first update."""
+
+    def __init__(self, description: str) -> None:
+        super().__init__(description)
+        self._bars = rich_bars()
 
     def __call__(self, done: int, total: int, seconds_left: float | None = None) -> None:
-        """Show that ``done`` of ``total`` are done. Without ``seconds_left`` the bar estimates the remaining time."""
+        """Move the bar."""
         if not self._bars.task_ids:
             self._bars.add_task(self.description, seconds_left=None, updated=0.0)
             self._bars.start()
@@ -39,29 +69,74 @@ class ProgressBar:
             updated=time.monotonic(),
         )
 
-    def report(self, progress: Progress[Any]) -> None:
-        """Show the state of an optimization; the results of validations stay on the screen above the bar."""
-        self.description = f"loss {progress.loss:.4g}"
-        self(progress.step, progress.steps, progress.seconds_left)
-        if progress.validation is not None:
-            line = f"step {progress.step}: {progress.validation}"
-            self._bars.console.print(line, highlight=False, markup=False)
+    def print(self, line: str) -> None:
+        """Print a line above the bar."""
+        self._bars.console.print(line, highlight=False, markup=False)
+
+    def close(self) -> None:
+        """Leave the bar as it is."""
+        if self._bars.task_ids:
+            self._bars.stop()
+
+
+class ProgressLines(ProgressDisplay):
+    """A plain line every few seconds, and one at the end, where standard error is a file or a pipe."""
+
+    def __init__(self, description: str) -> None:
+        super().__init__(description)
+        self._started = self._printed = time.monotonic()
+        self._unprinted = ""
+
+    def __call__(self, done: int, total: int, seconds_left: float | None = None) -> None:
+        """Print the state if the last line is some seconds old."""
+        now = time.monotonic()
+        elapsed = now - self._started
+        if seconds_left is None and done:
+            seconds_left = elapsed / done * (total - done)
+        self._unprinted = f"{self.description}: {done}/{total}, {rounded(elapsed)}"
+        if seconds_left is not None and done < total:
+            self._unprinted += f", {rounded(seconds_left)} left"
+        if now - self._printed >= LINE_EVERY:
+            self._print_state(now)
+
+    def print(self, line: str) -> None:
+        """Print a line."""
+        sys.stderr.write(f"{line}\n")
+        sys.stderr.flush()
+
+    def close(self) -> None:
+        """Print the last state if no line has shown it."""
+        if self._unprinted:
+            self._print_state(time.monotonic())
+
+    def _print_state(self, now: float) -> None:
+        self.print(self._unprinted)
+        self._unprinted, self._printed = "", now
 
 
 @contextmanager
-def progress_bar(description: str) -> Iterator[ProgressBar]:
-    """Show a progress bar until the block ends."""
+def progress_bar(description: str) -> Iterator[ProgressDisplay]:
+    """Show the progress of a task until the block ends, on a terminal as a bar."""
+    display = ProgressBar(description) if sys.stderr.isatty() else ProgressLines(description)
+    try:
+        yield display
+    finally:
+        display.close()
+
+
+def rounded(seconds: float) -> timedelta:
+    """A duration in whole seconds, not below zero."""
+    return timedelta(seconds=max(0, round(seconds)))
+
+
+def rich_bars() -> rich.Progress:
+    """An empty set of bars on standard error."""
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
     text = TextColumn("{task.description}", markup=False)
     columns = (text, BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), time_left_column())
-    progress = Progress(*columns, console=Console(stderr=True))
-    try:
-        yield ProgressBar(description, progress)
-    finally:
-        if progress.task_ids:
-            progress.stop()
+    return Progress(*columns, console=Console(stderr=True))
 
 
 def time_left_column() -> rich.ProgressColumn:
@@ -76,6 +151,6 @@ def time_left_column() -> rich.ProgressColumn:
             if task.fields["seconds_left"] is None:
                 return super().render(task)
             seconds = task.fields["seconds_left"] - (time.monotonic() - task.fields["updated"])
-            return Text(f"{timedelta(seconds=max(0, round(seconds)))}", style="progress.remaining")
+            return Text(f"{rounded(seconds)}", style="progress.remaining")
 
     return TimeLeft()

@@ -23,16 +23,21 @@ def reference(
     Example: surfsup reference bunny.obj -o out/bunny-reference
     """
     from surfsup.io.trajectory import Provenance
+    from surfsup.scene.solids import build_solids
+    from surfsup.sph.settle import start_of
     from surfsup.splishsplash import solver
     from surfsup.splishsplash.compressed_start import warn_compressed_start
 
     scene = scene_options.read()
-    surface = scene.build_surface()
-    particles = scene.initial_particles(surface)
+    solids = build_solids(scene)
+    particles = start_of(scene, solids.at_time(scene.start_time))
     solver.check_installed()
     warn_compressed_start(scene, particles)
     folder = output.create_folder(scene_options.source, len(particles.positions), scene.frames)
-    frames = solver.simulate(scene, surface, particles, threads)
+    frames = (
+        (*frame, solids.poses(scene.start_time + number * scene.frame_time))
+        for number, frame in enumerate(solver.simulate(scene, solids.still, particles, threads))
+    )
     with progress_bar("simulating with SPlisHSPlasH") as bar:
-        summary = folder.record(scene, surface, frames, Provenance(solver.NAME), "cpu", bar)
+        summary = folder.record(scene, solids, frames, Provenance(solver.NAME), "cpu", bar)
     output.finish(folder, summary, particles.excluded)

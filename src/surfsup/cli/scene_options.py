@@ -14,7 +14,7 @@ from surfsup.errors import InputError
 if TYPE_CHECKING:
     from surfsup.scene import Scene
 
-FOR_SCENE_FILES = ("source", "frames")
+FOR_SCENE_FILES = ("source", "frames", "duration", "fps", "particle_radius", "restart")
 
 
 @dataclass(frozen=True)
@@ -28,19 +28,36 @@ class SceneOptions:
             help="A mesh, a neural surface (a file, or coral, chairs, bowls), or a scene file.",
         ),
     ]
-    frames: Annotated[int | None, typer.Option(min=1, help="Frames of 0.005 s; 800 by default.")] = None
+    frames: Annotated[int | None, typer.Option(min=1, help="Number of frames; 800 by default.")] = None
+    duration: Annotated[float | None, typer.Option(help="Seconds, instead of --frames.")] = None
+    fps: Annotated[float | None, typer.Option(help="Frames per second; 200 by default with particles of 15 mm.")] = None
+    particle_radius: Annotated[
+        float | None, typer.Option(help="Particle radius in meters, 0.001 to 0.1; 0.015 by default.")
+    ] = None
+    restart: Annotated[
+        Path | None, typer.Option(help="A trajectory; the scene begins with its last frame, and its time continues.")
+    ] = None
     fit: Annotated[
         float | None, typer.Option(help="Largest extent of the scaled surface in meters; 0.7 by default.")
     ] = None
     no_fit: Annotated[bool, typer.Option("--no-fit", help="Keep the coordinates of the file, in meters.")] = False
     up: UpAxis = None
     turn: Annotated[float, typer.Option(help="Rotation of the surface about z in degrees.")] = 0.0
-    at: Annotated[Vector | None, typer.Option(help="Where the scaled surface stands, in meters; 0 0 0 by default.")] = (
-        None
-    )
-    block_min: Annotated[Vector | None, typer.Option(help="Lower corner of the block of water in meters.")] = None
-    block_max: Annotated[Vector | None, typer.Option(help="Upper corner of the block of water in meters.")] = None
-    container: Annotated[Vector | None, typer.Option(help="Sides of the container in meters; 1 1 2 by default.")] = None
+    at: Annotated[
+        Vector | None,
+        typer.Option(metavar="X Y Z", help="Where the scaled surface stands, in meters; 0 0 0 by default."),
+    ] = None
+    block_min: Annotated[
+        Vector | None,
+        typer.Option(metavar="X Y Z", help="Lower corner of the block of water in meters: -0.2 -0.2 1 or -0.2,-0.2,1."),
+    ] = None
+    block_max: Annotated[
+        Vector | None, typer.Option(metavar="X Y Z", help="Upper corner of the block of water in meters.")
+    ] = None
+    container: Annotated[
+        Vector | None,
+        typer.Option(metavar="X Y Z", help="Sides of the container in meters; 1 1 2 by default."),
+    ] = None
     shape: Annotated[str | None, typer.Option(help="Name of the shape in a DeepSDF with several.")] = None
 
     def read(self) -> Scene:
@@ -49,7 +66,7 @@ class SceneOptions:
         Raises:
             InputError: a file is unusable, or an option does not apply.
         """
-        from surfsup.scene import Block, Container, Scene
+        from surfsup.scene import PARTICLE_RADIUS, Block, Container, Scene
         from surfsup.scene.from_surface import DEFAULT_FIT, Placement, scene_from_surface
 
         if self.source.suffix.lower() in (".yaml", ".yml"):
@@ -58,14 +75,23 @@ class SceneOptions:
             if given:
                 option = f"--{given[0].replace('_', '-')}"
                 raise InputError(f"{self.source}: a scene file places everything itself; omit {option}")
-            scene = Scene.load(self.source)
-            return scene if self.frames is None else scene.with_frames(self.frames)
+            return self._with_changes(Scene.load(self.source))
         if (self.block_min is None) != (self.block_max is None):
             raise InputError("give both --block-min and --block-max, or neither")
         block = Block(self.block_min, self.block_max) if self.block_min and self.block_max else None
         container = Container(size=self.container) if self.container else Container()
         fit = DEFAULT_FIT if self.fit is None else self.fit
         placement = Placement(None if self.no_fit else fit, self.up, self.turn, self.at or (0.0, 0.0, 0.0), self.shape)
-        scene, summary = scene_from_surface(self.source, placement, container, block, self.frames or 800)
+        radius = self.particle_radius or PARTICLE_RADIUS
+        scene, summary = scene_from_surface(self.source, placement, container, block, self.frames or 800, radius)
         typer.echo(summary)
-        return scene
+        return self._with_changes(scene)
+
+    def _with_changes(self, scene: Scene) -> Scene:
+        return scene.with_changes(
+            particle_radius=self.particle_radius,
+            fps=self.fps,
+            duration=self.duration,
+            frames=self.frames,
+            restart=None if self.restart is None else self.restart.resolve(),
+        )

@@ -28,13 +28,13 @@ def simulate(
 
     simulator, card = load_simulator(simulator_name)
     name = card.name if card else simulator_name
-    device = choose_device(device)
     scene = scene_options.read()
+    device = choose_device("cpu" if device is None and scene.moves else device)  # moving solids run on CPUs only
     if card and card.training_domain and (warning := card.training_domain.warning(scene)):
         warnings.warn(warning, stacklevel=1)
     simulation = Simulation(scene, simulator, device, handle_collisions=not no_collisions)
     folder = output.create_folder(scene_options.source, len(simulation.particles.positions), scene.frames)
-    frames = ((frame.positions, frame.velocities) for frame in simulation.run())
+    frames = ((frame.positions, frame.velocities, frame.poses) for frame in simulation.run())
     with progress_bar(f"simulating with {name}") as bar:
-        summary = folder.record(scene, simulation.surface, frames, Provenance(name), device, bar)
+        summary = folder.record(scene, simulation.motion.solids, frames, Provenance(name), device, bar)
     output.finish(folder, summary, simulation.particles.excluded)

@@ -9,15 +9,32 @@ import typer
 
 from surfsup.cli.options import Device, Overrides, Resume, Scheduler, Threads, TimeLimit, Workers, stop_after
 from surfsup.cli.progress import progress_bar
-from surfsup.cli.status import INTERRUPTED
-from surfsup.errors import InputError
+from surfsup.cli.status import RESUMABLE
+from surfsup.errors import InputError, Interrupted
 
 if TYPE_CHECKING:
     from surfsup.datasets.windows import WindowSource
 
 
+PRESET_NAMES = (
+    "surfsup",
+    "gns",
+    "value-only",
+    "no-sdf",
+    "corrected",
+    "paper-recipe",
+    "decay",
+)  # a test compares the files
+
+
 def train(
-    preset: Annotated[str, typer.Argument(metavar="PRESET|CONFIG.yaml", help="The training configuration.")],
+    preset: Annotated[
+        str,
+        typer.Argument(
+            metavar="PRESET|CONFIG.yaml",
+            help=f"The training configuration: {', '.join(PRESET_NAMES)}, or a file of your own.",
+        ),
+    ],
     validation: Annotated[Path, typer.Option(help="Folder of trajectories that choose the best weights.")],
     out: Annotated[Path, typer.Option("-o", "--out", help="Folder of the run.")],
     data: Annotated[list[Path] | None, typer.Option(help="Folder of training trajectories; repeatable.")] = None,
@@ -84,7 +101,7 @@ def train(
         run_training(run, windows, validation, stop, report, log)
     shut_down(run.fabric)
     if stop.signaled:
-        raise typer.Exit(INTERRUPTED)
+        raise Interrupted(RESUMABLE)
     if not run.is_main_process:
         return
     best = out / "best.safetensors"

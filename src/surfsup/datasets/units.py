@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -26,3 +27,20 @@ def check_units(path: Path, trajectory: Trajectory) -> None:
             f"{path}: has a frame every {trajectory.frame_time:g} s and particles of radius {trajectory.radius:g} m; "
             f"the simulators here are for {FRAME_TIME:g} s and {PARTICLE_RADIUS:g} m, so take other data"
         )
+
+
+def check_same_units(paths: Sequence[Path], trajectories: Sequence[Trajectory]) -> None:
+    """Check that trajectories have the same frame time and the same particle radius.
+
+    Raises:
+        UnitMismatchError: they have not, or one of them is not above zero.
+    """
+    first = trajectories[0]
+    for path, other in zip(paths, trajectories, strict=True):
+        units = [other.frame_time, other.radius]
+        if not (min(units) > 0 and np.allclose(units, [first.frame_time, first.radius], rtol=1e-6)):
+            raise UnitMismatchError(
+                f"{path}: has a frame every {other.frame_time:.6g} s and particles of radius {other.radius:g} m, but "
+                f"{paths[0]} {first.frame_time:.6g} s and {first.radius:g} m; simulate both with the same fps and "
+                "particle_radius"
+            )

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import hashlib
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Protocol
 
@@ -69,7 +71,15 @@ class Window:
 
 
 class WindowSource(Protocol):
-    """A source of random training windows."""
+    """A source of random training windows.
+
+    Attributes:
+        fingerprint: equal for equal data; None if the data changes during training.
+    """
+
+    @property
+    def fingerprint(self) -> str | None:
+        """See the class."""
 
     def sample(
         self, random: np.random.Generator, history_length: int, frames: int, scene_starts: float = 0.0
@@ -108,12 +118,20 @@ class Windows:
             with Trajectory(path) as trajectory:
                 check_units(path, trajectory)
                 scene = trajectory.scene
+            if scene.moves:
+                raise InputError(f"{path}: has solids that move, which no learned simulator knows; leave it out")
             self._scenes.append(scene)
             self._environments.append(Environment.of(scene, scene.build_surface(), device))
 
     def __len__(self) -> int:
         """Number of trajectories."""
         return len(self.paths)
+
+    @cached_property
+    def fingerprint(self) -> str:
+        """A hash of the names and sizes of all files, in order."""
+        files = [(path.name, path.stat().st_size) for path in self.paths]
+        return hashlib.sha256(repr(files).encode()).hexdigest()
 
     def sample(
         self, random: np.random.Generator, history_length: int, frames: int, scene_starts: float = 0.0

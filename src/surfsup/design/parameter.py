@@ -26,6 +26,7 @@ class Parameter:
         step: step length of the first iterations, in the parameter's own unit; later steps are shorter.
         freeze_at: a value at which the parameter stays once it has reached it, such as 0 for a hole that has closed.
         freeze_tolerance: how near to ``freeze_at`` counts as reached, in the parameter's own unit.
+        unit: its symbol on plots, such as m; empty for a number without a unit.
     """
 
     start: Numbers
@@ -34,6 +35,7 @@ class Parameter:
     step: float
     freeze_at: float | None = None
     freeze_tolerance: float = 0.0
+    unit: str = ""
 
 
 def start_values(parameters: Mapping[str, Parameter]) -> dict[str, Tensor]:

@@ -35,21 +35,26 @@ def require_matplotlib() -> None:
 def plot_runs(runs: Sequence[DesignRun], path: Path) -> Path:
     """Plot rewards and parameters of all runs of one task over the iterations; returns the path of the PNG."""
     from matplotlib.figure import Figure
+    from matplotlib.ticker import MaxNLocator
 
     figure = Figure(figsize=(6.4, 6.0), layout="constrained", dpi=130)
     above, below = figure.subplots(2, 1, sharex=True)
     for number, run in enumerate(runs):
         style = LINE_STYLES[number % len(LINE_STYLES)]
-        above.plot(run.rewards, color="0.15", linestyle=style)
+        above.plot(run.rewards, color="0.15", linestyle=style, label=f"start {number + 1}")
         for color, (name, curve) in zip(COLORS, parameter_curves(run).items(), strict=False):
             label = name if number == 0 else None
             below.plot(curve, color=color, linestyle=style, label=label)
     above.set_ylabel("reward (mean log density)" if runs[0].task.name in ("bowl", "funnel") else "reward")
-    below.set_ylabel("parameter")
+    units = {parameter.unit for parameter in runs[0].task.parameters.values()}
+    below.set_ylabel("parameter" + (f", {units.pop()}" if len(units) == 1 and "" not in units else ""))
     below.set_xlabel("iteration")
     below.legend(frameon=False)
     set_style(above, below)
-    above.set_title(f"{runs[0].task.name}: {len(runs)} start{'s' if len(runs) > 1 else ''}")
+    below.xaxis.set_major_locator(MaxNLocator(integer=True))
+    if len(runs) > 1:
+        above.legend(frameon=False)
+    above.set_title(f"{runs[0].task.name}: {len(runs)} starts" if len(runs) > 1 else runs[0].task.name)
     figure.savefig(path)
     return path
 
@@ -95,7 +100,9 @@ def parameter_curves(run: DesignRun) -> dict[str, np.ndarray]:
 
 
 def set_style(*plots: Axes) -> None:
-    """Remove the box around each plot and add a light grid."""
+    """Remove the box around each plot, add a light grid, and write numbers in full, without an offset."""
     for axes in plots:
+        if axes.get_yscale() == "linear":
+            axes.ticklabel_format(axis="y", useOffset=False)
         axes.spines[["top", "right"]].set_visible(False)
         axes.grid(alpha=0.25)

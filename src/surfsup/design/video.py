@@ -68,7 +68,7 @@ def render_design(run: DesignRun, number: int, frames: list[int]) -> Iterator[np
     """Images of these frames of the water in design ``number``."""
     values, task = run.designs[number], run.task
     renderer = make_renderer(run, values)
-    text = f"iteration {number}: reward {run.rewards[number]:.4f}, {format_values(values)}"
+    text = f"cut open, iteration {number}: reward {run.rewards[number]:.4f}, {format_values(values)}"
     with torch.no_grad():
         for frame, (positions, _) in enumerate(simulated_frames(task, values, run.simulator)):
             if frame in frames:

@@ -52,16 +52,28 @@ class Comparison:
         return len(self.chamfer)
 
     def record_frame(
-        self, number: int, prediction: ValidParticles, reference: ValidParticles, reference_tree: cKDTree
+        self,
+        number: int,
+        prediction: ValidParticles,
+        reference: ValidParticles,
+        reference_tree: cKDTree,
+        scale: float = 1.0,
     ) -> None:
-        """Compare frame ``number``; ``reference_tree`` is the search tree of the reference particles."""
+        """Compare frame ``number``.
+
+        Args:
+            number: of the frame.
+            prediction, reference: its particles.
+            reference_tree: the search tree of the reference particles.
+            scale: particle radius over 15 mm.
+        """
         whole = near = UNDEFINED_CHAMFER
         if len(prediction.positions) and len(reference.positions):
             tree = kd_tree(prediction.positions)
             distances = nearest_distances(tree, reference_tree)
             whole, near = mean_chamfer(distances), chamfer_surface(distances, prediction.near, reference.near)
             if number % DENSITY_STRIDE == 0:
-                self.prediction.density[number] = max_density(tree)
+                self.prediction.density[number] = max_density(tree, scale)
         self.chamfer[number], self.chamfer_squared[number] = whole.plain, whole.squared
         self.surface[number], self.surface_squared[number] = near.plain, near.squared
 
@@ -87,7 +99,7 @@ def compare(
         OSError: a file is damaged.
     """
     frames = min(len(trajectory) for trajectory in (reference, *predictions))
-    surface = surface_for_metrics(reference.scene)
+    surface, scale = surface_for_metrics(reference.scene), reference.scene.units.length
     recorders = [StatisticsRecorder(one, frames, surface, threshold) for one in (reference, *predictions)]
     reference_statistics = recorders[0].statistics
     comparisons = [
@@ -98,9 +110,9 @@ def compare(
     def record_frame(number: int, reference_frame: ValidParticles, *predicted_frames: ValidParticles) -> None:
         tree = kd_tree(reference_frame.positions)
         if number % DENSITY_STRIDE == 0 and tree.n:
-            reference_statistics.density[number] = max_density(tree)
+            reference_statistics.density[number] = max_density(tree, scale)
         for comparison, predicted_frame in zip(comparisons, predicted_frames, strict=True):
-            comparison.record_frame(number, predicted_frame, reference_frame, tree)
+            comparison.record_frame(number, predicted_frame, reference_frame, tree, scale)
 
     # The search trees release Python's lock, so threads help.
     with ThreadPoolExecutor(THREADS) as threads:

@@ -8,11 +8,11 @@ from pathlib import Path
 
 import numpy as np
 
-from surfsup.datasets.units import UnitMismatchError, check_units
+from surfsup.datasets.units import UnitMismatchError, check_same_units, check_units
 from surfsup.errors import InputError
 from surfsup.evaluation.floor import floor_files
 from surfsup.io.trajectory import Trajectory
-from surfsup.scene import SPACING, Scene
+from surfsup.scene import Scene
 
 FRAMES_PER_READ = 64
 
@@ -148,8 +148,8 @@ def load_floors(reference: Path, scene: Scene, frames: int) -> tuple[list[Path],
     valid, skipped = [], []
     for path in floor_files(reference):
         try:
-            with Trajectory(path) as repeat:
-                check_units(path, repeat)
+            with Trajectory(reference) as original, Trajectory(path) as repeat:
+                check_same_units((reference, path), (original, repeat))
                 if len(repeat) < frames:
                     raise InputError(f"{path}: was cut off: it has {len(repeat)} of {frames} frames")
                 if (difference := scene_difference(repeat.scene, scene)) is not None:
@@ -184,13 +184,22 @@ def scene_difference(one: Scene, other: Scene) -> str | None:
     root = Path("/")
     if one.container != other.container:
         return "containers"
-    if one.with_paths_relative_to(root).surface != other.with_paths_relative_to(root).surface:
+    here, there = one.with_paths_relative_to(root), other.with_paths_relative_to(root)
+    if (here.surface, here.surfaces) != (there.surface, there.surfaces):
         return "surfaces"
     if one.gravity != other.gravity:
         return "gravities"
-    corners = [np.array([(entry.block.min, entry.block.max) for entry in scene.fluid]) for scene in (one, other)]
-    if corners[0].shape != corners[1].shape or np.abs(corners[0] - corners[1]).max() > SPACING:
+    ours, theirs = (scene.with_paths_relative_to(root).fluid for scene in (one, other))
+    if len(ours) != len(theirs):
         return "blocks of fluid"
+    for mine, other_entry in zip(ours, theirs, strict=True):
+        if mine.block is None or other_entry.block is None:
+            if mine != other_entry:
+                return "blocks of fluid"
+            continue
+        corners = [np.array([entry.min, entry.max]) for entry in (mine.block, other_entry.block)]
+        if np.abs(corners[0] - corners[1]).max() > other.spacing:
+            return "blocks of fluid"
     return None
 
 

@@ -91,17 +91,23 @@ def kinetic_energy(velocities: np.ndarray) -> float:
     return float(0.5 * np.square(velocities, dtype=np.float64).sum(axis=-1).mean())
 
 
-def max_density(particles: cKDTree) -> float:
+def max_density(particles: cKDTree, scale: float = 1.0) -> float:
     """The largest density at a particle, relative to that of the lattice at rest.
 
     The density is the sum over neighbors of V·W(r), with V = (0.03 m)³ and the cubic spline kernel W of support 0.06 m;
     it is 1.00 on the lattice. Solids and walls are not counted, so the density beside them is too low, never too high.
     Only the 64 nearest neighbors count, about twice as many as at rest. This bounds the memory for a collapsed fluid
     and still reports it as very dense.
+
+    Args:
+        particles: the search tree of the positions.
+        scale: particle radius over 15 mm, the factor of both lengths.
     """
     count = min(MAX_NEIGHBORS, particles.n)
-    distances = particles.query(particles.data, k=np.arange(1, count + 1), distance_upper_bound=KERNEL_SUPPORT)[0]
-    q = np.asarray(distances) / KERNEL_SUPPORT
+    distances = particles.query(particles.data, k=np.arange(1, count + 1), distance_upper_bound=scale * KERNEL_SUPPORT)[
+        0
+    ]
+    q = np.asarray(distances) / (scale * KERNEL_SUPPORT)
     return float(SPACING**3 * KERNEL_PEAK * cubic_spline(q).sum(axis=1).max())
 
 

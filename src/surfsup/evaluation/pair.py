@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from surfsup.datasets.units import check_units
+from surfsup.datasets.units import check_same_units
 from surfsup.errors import InputError
 from surfsup.evaluation.evaluate import Evaluation, evaluate_trajectory
 from surfsup.evaluation.floor import FLOOR_HINT
@@ -24,6 +24,7 @@ class PairEvaluation:
     Attributes:
         prediction, reference: the files.
         threshold: meters; particles closer to the solid count for Chamfer Surface.
+        frame_time: seconds between frames.
         evaluation: of the prediction.
         remarks: notes for the reader of the numbers, a line each.
         skipped: repeats of the reference that are not valid.
@@ -32,6 +33,7 @@ class PairEvaluation:
     prediction: Path
     reference: Path
     threshold: float
+    frame_time: float
     evaluation: Evaluation
     remarks: list[str]
     skipped: list[SkippedFile]
@@ -48,7 +50,7 @@ class PairEvaluation:
             "reference": str(self.reference),
             "remarks": self.remarks,
             "skipped": [{"file": str(bad.file), "reason": bad.reason} for bad in self.skipped],
-            **definitions(self.threshold),
+            **definitions(self.threshold, self.frame_time),
             **evaluation_entry(self.evaluation),
         }
 
@@ -56,7 +58,7 @@ class PairEvaluation:
 def evaluate_pair(
     prediction: str | Path,
     reference: str | Path,
-    threshold: float = NEAR_SURFACE_DISTANCE,
+    threshold: float | None = None,
     progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> PairEvaluation:
     """Evaluate the trajectory file ``prediction`` against ``reference``, over the frames that both have.
@@ -64,12 +66,12 @@ def evaluate_pair(
     Args:
         prediction: a trajectory file.
         reference: another one of the same scene.
-        threshold: meters; particles closer to the solid count for Chamfer Surface.
+        threshold: meters; particles closer to the solid count for Chamfer Surface. Six particle radii by default.
         progress: called with the numbers of finished and of all frames.
 
     Raises:
-        InputError: a file is not a trajectory, has no frames, is damaged or has another frame time or particle radius,
-            or the files are of different scenes.
+        InputError: a file is not a trajectory, has no frames, is damaged, or the files differ in frame time,
+            particle radius or scene.
 
     Examples:
         >>> import surfsup as sf
@@ -81,8 +83,9 @@ def evaluate_pair(
     """
     prediction, reference = Path(prediction), Path(reference)
     with Trajectory(prediction) as one, Trajectory(reference) as other:
-        check_units(prediction, one)
-        check_units(reference, other)
+        check_same_units((reference, prediction), (other, one))
+        frame_time = other.frame_time
+        threshold = NEAR_SURFACE_DISTANCE * other.scene.units.length if threshold is None else threshold
         difference = scene_difference(one.scene, other.scene)
         if difference is not None:
             raise InputError(f"{prediction} and {reference} are of different scenes: their {difference} differ")
@@ -99,4 +102,4 @@ def evaluate_pair(
         if not floors:
             remarks.append(f"no floor beside {reference.name} ({FLOOR_HINT.format(reference.parent)})")
     evaluation = evaluate_trajectory(prediction, reference, floors, threshold, progress)
-    return PairEvaluation(prediction, reference, threshold, evaluation, remarks, skipped)
+    return PairEvaluation(prediction, reference, threshold, frame_time, evaluation, remarks, skipped)

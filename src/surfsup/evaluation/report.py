@@ -113,11 +113,11 @@ def evaluation_report(
     }
 
 
-def definitions(threshold: float) -> Json:
+def definitions(threshold: float, frame_time: float = FRAME_TIME) -> Json:
     """The meaning of a report's numbers."""
     return {
         "version": __version__,
-        "frame_time": FRAME_TIME,
+        "frame_time": frame_time,
         "near": threshold,
         "metrics": [
             {name: getattr(metric, name) for name in ("key", "name", "unit", "decimals", "description")}

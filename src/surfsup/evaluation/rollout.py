@@ -11,6 +11,7 @@ import torch
 
 from surfsup.errors import SimulationError
 from surfsup.io.trajectory import Provenance, Trajectory, TrajectoryWriter
+from surfsup.scene import FRAME_TIME
 from surfsup.sph.environment import Environment
 from surfsup.sph.simulator import Simulator, StateType
 
@@ -89,8 +90,9 @@ def write_rollout(
     lost = np.full(reference.positions.shape[1:], np.nan, dtype=np.float32)
     collided_shares = []
     with TrajectoryWriter(path, scene, Provenance(name), len(lost)) as writer:
-        for state, collided in rollout:
-            writer.append(state.positions.cpu().numpy(), state.velocities.cpu().numpy())
+        for number, (state, collided) in enumerate(rollout):
+            poses = {} if environment.moving is None else environment.moving.solids.poses(number * FRAME_TIME)
+            writer.append(state.positions.cpu().numpy(), state.velocities.cpu().numpy(), poses)
             collided_shares.append(float(collided.float().mean()))
             progress(len(collided_shares))
         for number in range(len(collided_shares), frames):

@@ -43,7 +43,7 @@ class TrajectoryStatistics:
 
 @dataclass(frozen=True)
 class ValidParticles:
-    """The particles of a frame that metrics compare: finite and no faster than MAX_SPEED.
+    """The particles of a frame that metrics compare: finite and no faster than MAX_SPEED, with particles of 15 mm.
 
     Attributes:
         positions: (N, 3), meters.
@@ -68,6 +68,7 @@ class StatisticsRecorder:
         self.trajectory = trajectory
         self.statistics = TrajectoryStatistics.undefined(frames)
         self.contacts = ContactTracker(surface, threshold)
+        self.max_speed = MAX_SPEED * trajectory.scene.units.velocity
         container = trajectory.scene.container
         self.lower, self.upper = (np.array(corner, np.float32) for corner in (container.lower, container.upper))
 
@@ -83,7 +84,7 @@ class StatisticsRecorder:
         statistics.depth[number] = contact.depths.sum()
         statistics.near[number] = contact.near.sum()
         # A comparison with NaN is false, so a particle with a NaN velocity is not valid either.
-        valid = np.isfinite(positions).all(axis=1) & (np.square(velocities).sum(axis=1) <= MAX_SPEED**2)
+        valid = np.isfinite(positions).all(axis=1) & (np.square(velocities).sum(axis=1) <= self.max_speed**2)
         contained = inside_container(positions, self.lower, self.upper) & valid
         statistics.lost[number] = len(positions) - contained.sum()
         if valid.any():

@@ -59,6 +59,7 @@ def score_rollout(
     frames: int,
     chamfer_stride: int = 1,
     device: torch.device | str = "cpu",
+    handle_collisions: bool = True,
 ) -> ValidationScores:
     """Simulate from the start of ``reference`` and score the first frames.
 
@@ -68,13 +69,15 @@ def score_rollout(
         frames: number of frames to score, at most those of ``reference``.
         chamfer_stride: frames from one Chamfer distance to the next; all else is computed in each frame.
         device: where to compute.
+        handle_collisions: whether collision handling keeps particles out of the solid.
     """
     environment = Environment.of(reference.scene, reference.scene.build_surface(), device)
     frames = min(frames, len(reference))
     true_positions, true_velocities = reference.positions[:frames], reference.velocities[:frames]
     chamfers, height_errors, energies, true_energies, collided_shares = [], [], [], [], []
     inside = outside = 0
-    for frame, (state, collided) in enumerate(roll_out(simulator, reference, environment, frames)):
+    rollout = roll_out(simulator, reference, environment, frames, handle_collisions)
+    for frame, (state, collided) in enumerate(rollout):
         positions = state.positions.cpu().numpy()
         if frame % chamfer_stride == 0:
             chamfers.append(chamfer(positions, true_positions[frame]))
@@ -100,7 +103,12 @@ def score_rollout(
 
 
 def score_rollouts(
-    simulator: Simulator, folder: Path, scenes: int, frames: int, device: torch.device | str = "cpu"
+    simulator: Simulator,
+    folder: Path,
+    scenes: int,
+    frames: int,
+    device: torch.device | str = "cpu",
+    handle_collisions: bool = True,
 ) -> Iterator[ValidationScores]:
     """The scores of the first ``scenes`` trajectories of ``folder``, one by one; Chamfer at every fifth frame.
 
@@ -111,7 +119,7 @@ def score_rollouts(
     """
     for path in trajectory_files(folder, scenes):
         with Trajectory(path) as reference:
-            yield score_rollout(simulator, reference, frames, chamfer_stride=5, device=device)
+            yield score_rollout(simulator, reference, frames, 5, device, handle_collisions)
 
 
 def combine_scores(scores: list[ValidationScores]) -> ValidationScores:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable
 from contextlib import closing
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import torch
@@ -20,6 +20,9 @@ from surfsup.exporting.up_axis import UpAxis, with_up_axis
 from surfsup.io.cut_off import open_readable
 from surfsup.io.output_folder import writable_folder
 from surfsup.io.trajectory import Trajectory
+from surfsup.scene.pose import Pose, between
+from surfsup.scene.solids import Solids, build_solids
+from surfsup.scene.units import Units
 from surfsup.sph.environment import Environment
 from surfsup.viewing.reconstruction import Reconstruction
 from surfsup.viewing.trajectory_pictures import scene_mesh
@@ -112,6 +115,8 @@ def write(
     progress: Callable[[int, int], None],
 ) -> Export:
     """Write the contents of a trajectory; see :func:`export`."""
+    if "solid" in contents and trajectory.poses:
+        raise InputError("solids that move cannot be exported; give --what particles or --what surface")
     if "solid" in contents:
         mesh = scene_mesh(trajectory.scene)
         if mesh is not None:
@@ -138,11 +143,31 @@ def write(
 
 def interpolation(trajectory: Trajectory) -> Interpolation:
     """The interpolation between frames, which knows the solid if its files are still there."""
-    container = trajectory.scene.container
+    units, frame_time = Units(trajectory.radius), trajectory.frame_time
     try:
-        surface = trajectory.scene.build_surface()
+        solids = build_solids(trajectory.scene, list(trajectory.poses))
     except InputError as error:
-        surface = None
+        solids = Solids(None)
         warnings.warn(f"particles between two frames may enter the solid, which is missing: {error}", stacklevel=4)
+    container = units.scene_to_solver(trajectory.scene).container
     corners = torch.tensor(container.lower), torch.tensor(container.upper)
-    return Interpolation(Environment(surface, *corners, torch.zeros(3)), trajectory.frame_time)
+    still = Environment(units.surface_to_solver(solids.still), *corners, torch.zeros(3))
+
+    def environment_at(time: float) -> Environment:
+        if not solids.moving:
+            return still
+        surface = units.surface_to_solver(solids.at(poses_at(trajectory, time)))
+        return replace(still, surface=surface)
+
+    return Interpolation(environment_at, units, frame_time)
+
+
+def poses_at(trajectory: Trajectory, time: float) -> dict[str, Pose]:
+    """The poses at a time in seconds of all that moves, between those of the frames before and after."""
+    place = min(max((time - trajectory.start_time) / trajectory.frame_time, 0.0), len(trajectory) - 1.0)
+    first = min(int(place), max(0, len(trajectory) - 2))
+    last = min(first + 1, len(trajectory) - 1)
+    return {
+        name: between(Pose.from_array(rows[first]), Pose.from_array(rows[last]), place - first)
+        for name, rows in trajectory.poses.items()
+    }

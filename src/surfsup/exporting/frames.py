@@ -9,9 +9,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 import torch
 
-from surfsup.simulation import ROUNDING, hermite
+from surfsup.scene.units import Units
 from surfsup.sph.collision import resolve_collisions
 from surfsup.sph.environment import Environment
+from surfsup.sph.interpolation import ROUNDING, hermite
 from surfsup.sph.state import ParticleState
 
 
@@ -94,32 +95,42 @@ class Interpolation:
     itself has it there.
 
     Attributes:
-        environment: solid and container.
+        environment_at: solid and container at a time, in the units of the solver.
+        units: of the trajectory.
         frame_time: seconds between the frames of the trajectory.
     """
 
-    environment: Environment
+    environment_at: Callable[[float], Environment]
+    units: Units
     frame_time: float
 
     @torch.no_grad()
     def __call__(self, old: ParticleFrame, new: ParticleFrame, time: float) -> ParticleFrame:
         """The frame at ``time`` between two frames: the particles that are in both."""
         old, new = common_particles(old, new)
-        before, after = as_state(old), as_state(new)
+        before, after = self._as_state(old), self._as_state(new)
         part = 1 - (new.time - time) / self.frame_time
-        positions, velocities = hermite(before, after, part, self.frame_time)
-        result = resolve_collisions(before.positions, positions, velocities, self.environment)
+        first, last = ((state.positions, state.velocities) for state in (before, after))
+        positions, velocities = hermite(first, last, part, self.frame_time / self.units.time)
+        environment = self.environment_at(time)
+        result = resolve_collisions(before.positions, positions, velocities, environment)
         moved = result.collided.nonzero()[:, 0]
-        kept = moved[self._collided(before, moved) | self._collided(after, moved)]
+        ends = (
+            collided(before, moved, self.environment_at(old.time)),
+            collided(after, moved, self.environment_at(new.time)),
+        )
+        kept = moved[ends[0] | ends[1]]
         result.positions[kept], result.velocities[kept] = positions[kept], velocities[kept]
-        return replace(new, time=time, positions=result.positions.numpy(), velocities=result.velocities.numpy())
+        place, speed = self.units.frame_from_solver(result.positions.numpy(), result.velocities.numpy())
+        return replace(new, time=time, positions=place, velocities=speed)
 
-    def _collided(self, state: ParticleState, rows: torch.Tensor) -> torch.Tensor:
-        """Which particles (K,) of ``rows`` (K,) collision handling would move."""
-        positions, velocities = state.positions[rows], state.velocities[rows]
-        return resolve_collisions(positions, positions, velocities, self.environment).collided
+    def _as_state(self, frame: ParticleFrame) -> ParticleState:
+        """The particles in the units of the solver."""
+        positions, velocities = self.units.frame_to_solver(frame.positions, frame.velocities)
+        return ParticleState(torch.from_numpy(positions), torch.from_numpy(velocities))
 
 
-def as_state(frame: ParticleFrame) -> ParticleState:
-    """The particles as tensors, without a copy."""
-    return ParticleState(torch.from_numpy(frame.positions), torch.from_numpy(frame.velocities))
+def collided(state: ParticleState, rows: torch.Tensor, environment: Environment) -> torch.Tensor:
+    """Which particles (K,) of ``rows`` (K,) collision handling would move."""
+    positions, velocities = state.positions[rows], state.velocities[rows]
+    return resolve_collisions(positions, positions, velocities, environment).collided

@@ -36,4 +36,10 @@ class FrameSource:
                 self.cut_off = True
                 return
             self.read += 1
-            yield ParticleFrame(number * trajectory.frame_time, positions[0], velocities[0], ids, trajectory.radius)
+            yield ParticleFrame(
+                trajectory.start_time + number * trajectory.frame_time,
+                positions[0],
+                velocities[0],
+                ids,
+                trajectory.radius,
+            )

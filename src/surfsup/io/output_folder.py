@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import shutil
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -13,10 +13,11 @@ import numpy as np
 import torch
 
 from surfsup import __version__
-from surfsup.errors import InputError
+from surfsup.errors import InputError, Interrupted
 from surfsup.io.trajectory import Provenance, TrajectoryWriter
 from surfsup.scene import Container, Scene
-from surfsup.sdf import Surface
+from surfsup.scene.pose import Pose
+from surfsup.scene.solids import CONTAINER, Solids
 
 BYTES_PER_VALUE = 4
 
@@ -91,26 +92,27 @@ class OutputFolder:
     def record(
         self,
         scene: Scene,
-        surface: Surface | None,
-        frames: Iterable[tuple[np.ndarray, np.ndarray]],
+        solids: Solids,
+        frames: Iterable[tuple[np.ndarray, np.ndarray, Mapping[str, Pose]]],
         provenance: Provenance,
         device: str,
         on_progress: Callable[[int, int], None],
     ) -> Summary:
         """Write the frames while the simulator computes them, then the summary.
 
-        After an interrupt, which propagates, the trajectory holds the finished frames and the summary describes them.
+        After an interrupt the trajectory holds the finished frames and the summary describes them.
 
         Args:
             scene: the simulated scene.
-            surface: its solid.
-            frames: positions and velocities (N, 3) of each frame.
+            solids: its solids.
+            frames: positions and velocities (N, 3) of each frame, and the poses of what moves.
             provenance: simulator, seed and version.
             device: device of the simulation, for the summary.
             on_progress: called after each frame with the numbers of finished frames and of all frames.
 
         Raises:
             InputError: the trajectory cannot be written.
+            Interrupted: the user interrupted the simulation after its first frame.
         """
         began, simulating = time.perf_counter(), 0.0
         counts: list[tuple[int, int]] = []  # per frame: particles in the solid, particles out of the container
@@ -125,9 +127,14 @@ class OutputFolder:
                     simulating += time.perf_counter() - before if writer.frames > 1 else 0.0
                     if frame is None:
                         break
-                    counts.append(count_penetrations(scene.container, surface, frame[0]))
+                    counts.append(count_penetrations(scene.container, solids, frame[0], frame[2]))
                     writer.append(*frame)
                     on_progress(writer.frames, scene.frames)
+        except KeyboardInterrupt:
+            if not writer.frames:
+                raise
+            kept = f"{writer.frames} of {scene.frames} frames are kept in {self.trajectory}"
+            raise Interrupted(kept) from None
         finally:
             done = writer.frames  # an interrupt may occur between counting a frame and writing it
             penetrations, out_of_container = (sum(column) for column in zip((0, 0), *counts[:done], strict=True))
@@ -146,10 +153,14 @@ class OutputFolder:
         return summary
 
 
-def count_penetrations(container: Container, surface: Surface | None, positions: np.ndarray) -> tuple[int, int]:
-    """The numbers of ``positions`` (N, 3) inside the solid and outside the container."""
+def count_penetrations(
+    container: Container, solids: Solids, positions: np.ndarray, poses: Mapping[str, Pose]
+) -> tuple[int, int]:
+    """The numbers of ``positions`` (N, 3) inside a solid and outside the container, which may move."""
+    own = poses[CONTAINER].to_own(positions).astype(np.float32) if CONTAINER in poses else positions
     lower, upper = np.array(container.lower, np.float32), np.array(container.upper, np.float32)
-    outside = int(((positions < lower) | (positions > upper)).any(axis=-1).sum())
+    outside = int(((own < lower) | (own > upper)).any(axis=-1).sum())
+    surface = solids.at(poses)
     if surface is None:
         return 0, outside
     with torch.no_grad():

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import os
 import shutil
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
@@ -21,9 +21,13 @@ from isal import isal_zlib
 
 from surfsup import __version__
 from surfsup.errors import InputError
-from surfsup.scene import FRAME_TIME, PARTICLE_RADIUS, Scene
+from surfsup.scene import Scene
+from surfsup.scene.pose import Pose
 
 GROUP = "00000"
+POSES = (
+    f"{GROUP}/pose"  # group with a data set (frames, 7) for each solid that moves: x, y, z in meters, then w, x, y, z
+)
 FRAMES_PER_CHUNK = 2  # larger chunks compress better (8: 0.66 instead of 0.72), but windows then read unused frames
 FRAMES_PER_FLUSH = 8
 COMPRESSION_LEVEL = 2  # of ISA-L
@@ -118,7 +122,10 @@ class Trajectory(TrajectoryFrames):
         scene: the simulated scene.
         provenance: simulator, seed and version.
         frame_time: seconds between frames.
+        start_time: seconds, of the first frame; above 0 where the scene continues another trajectory.
         radius: particle radius in meters.
+        poses: (frames, 7) float64 by name, of every solid that moves, and of a container that moves: position x, y, z
+            in meters and rotation, a unit quaternion w, x, y, z. Empty in a file without any.
 
     Examples:
         >>> import surfsup as sf
@@ -134,7 +141,15 @@ class Trajectory(TrajectoryFrames):
         attributes = dict(self._file.attrs)
         self.scene = Scene.from_yaml(str(attributes["scene"]), f"{path} (scene)", path.parent)
         self.frame_time, self.radius = float(attributes["frame_time"]), float(attributes["radius"])
+        self.start_time = float(attributes.get("start_time", 0.0))
         self.provenance = Provenance(str(attributes["model"]), int(attributes["seed"]), str(attributes["version"]))
+        self.poses = {name: self._poses_of(name) for name in self._file.get(POSES, ())}
+
+    def _poses_of(self, name: str) -> np.ndarray:
+        data = self._file[f"{POSES}/{name}"]
+        if not isinstance(data, h5py.Dataset) or data.ndim != 2 or data.shape[1] != 7 or len(data) < len(self):
+            raise ValueError(f"pose of {name} is not (frames, 7)")
+        return data[: len(self)]
 
 
 class TrajectoryWriter:
@@ -170,8 +185,9 @@ class TrajectoryWriter:
         self._file.attrs.update(
             {
                 "scene": text,
-                "frame_time": FRAME_TIME,
-                "radius": PARTICLE_RADIUS,
+                "frame_time": scene.frame_time,
+                "start_time": scene.start_time,
+                "radius": scene.particle_radius,
                 "model": provenance.simulator,
                 "seed": provenance.seed,
                 "version": provenance.version,
@@ -192,6 +208,7 @@ class TrajectoryWriter:
             for name in ("position", "velocity")
         ]
         group["particle_type"] = np.full(particles, FLUID_TYPE, dtype=np.int64)
+        self._poses: list[Mapping[str, Pose]] = []  # of the frames in the buffer
         # Frames that are not yet written, and memory to shuffle a chunk in. Reused memory stays in the cache.
         self._buffer = np.empty((2, FRAMES_PER_FLUSH, particles, 3), dtype=np.float32)
         self._shuffled = np.empty((4, FRAMES_PER_CHUNK * particles * 3), dtype=np.uint8)
@@ -207,8 +224,13 @@ class TrajectoryWriter:
         """Write ``values`` (numbers, texts, arrays) as attributes of a new group."""
         self._file.create_group(group).attrs.update(values)
 
-    def append(self, positions: np.ndarray, velocities: np.ndarray) -> None:
-        """Append a copy of one frame: positions (N, 3) in meters and velocities (N, 3) in m/s.
+    def append(self, positions: np.ndarray, velocities: np.ndarray, poses: Mapping[str, Pose] | None = None) -> None:
+        """Append a copy of one frame.
+
+        Args:
+            positions: (N, 3), meters.
+            velocities: (N, 3), m/s.
+            poses: by name of all that moves.
 
         Raises:
             InputError: the disk is full.
@@ -222,6 +244,7 @@ class TrajectoryWriter:
         frame[1] /= VELOCITY_STEP
         np.round(frame[1], out=frame[1])
         frame[1] *= VELOCITY_STEP
+        self._poses[self._buffered :] = [poses or {}]
         self._buffered += 1
         if self._buffered == FRAMES_PER_FLUSH:
             self.flush()
@@ -241,6 +264,7 @@ class TrajectoryWriter:
             for data, values in zip(self._sets, frames, strict=True):
                 data.resize(self.frames, axis=0)
                 write_chunks(data, self._written, values, self._shuffled)
+            self._write_poses()
             self._file.flush()
         except (OSError, RuntimeError) as error:
             raise InputError(f"{self._path}: cannot be written ({single_line(error)})") from None
@@ -248,6 +272,17 @@ class TrajectoryWriter:
         if self._buffered == FRAMES_PER_FLUSH:
             # One statement: an interrupt between two would count frames twice.
             self._written, self._buffered = self.frames, 0
+
+    def _write_poses(self) -> None:
+        """Write the poses of the buffered frames. A solid that moves from a later frame on stood there before."""
+        for name in {name: None for poses in self._poses for name in poses}:
+            rows = np.array([(poses.get(name) or next_pose(self._poses, name)).array for poses in self._poses])
+            path = f"{POSES}/{name}"
+            if path not in self._file:
+                self._file.create_dataset(path, data=np.repeat(rows[:1], self._written, axis=0), maxshape=(None, 7))
+            data = self._file[path]
+            data.resize(self._written + len(rows), axis=0)
+            data[self._written :] = rows
 
     def _check_disk_space(self, needed: int) -> None:
         try:
@@ -268,6 +303,11 @@ class TrajectoryWriter:
                 raise
         finally:
             self._file.close()
+
+
+def next_pose(poses: Sequence[Mapping[str, Pose]], name: str) -> Pose:
+    """The first pose of a solid in frames of which some do not know it."""
+    return next(frame[name] for frame in poses if name in frame)
 
 
 def write_chunks(data: h5py.Dataset, first: int, frames: np.ndarray, shuffled: np.ndarray) -> None:

@@ -105,12 +105,17 @@ class TrainingDomain:
         return [] if scene.surface_kind in self.surfaces else [f"a surface of kind '{scene.surface_kind}'"]
 
     def differences(self, scene: Scene) -> list[str]:
-        """The properties of ``scene`` outside the training data, except the kind of its surface."""
+        """The properties of ``scene`` outside the training data, except the kind of its surface.
+
+        Sizes and speeds are compared in the units of the network, in which particles have the radius of training.
+        """
         x, y, z = scene.container.size
+        units = scene.units
         magnitude, tilt = gravity_magnitude_and_tilt(scene)
-        speed = max(math.hypot(*entry.block.velocity) for entry in scene.fluid)
+        speed = max((entry.speed for entry in scene.fluid), default=0.0)
         found = []
-        if not (contains(self.sides, x) and contains(self.sides, y) and contains(self.heights, z)):
+        side_x, side_y, height = (side / units.length for side in (x, y, z))
+        if not (contains(self.sides, side_x) and contains(self.sides, side_y) and contains(self.heights, height)):
             found.append(f"a container of {x:g} x {y:g} x {z:g} m")
         if not contains((self.radius, self.radius), PARTICLE_RADIUS):
             found.append(f"particles of radius {PARTICLE_RADIUS:g} m")
@@ -119,7 +124,7 @@ class TrainingDomain:
         if not contains(self.gravity, magnitude) or tilt > self.max_tilt + 1:
             direction = f", {tilt:.0f}° off straight down" if tilt >= 1 else ""
             found.append(f"gravity of {magnitude:.3g} m/s²{direction}")
-        if speed > (1 + TOLERANCE) * self.max_speed:
+        if speed / units.velocity > (1 + TOLERANCE) * self.max_speed:
             found.append(f"water at {speed:.3g} m/s")
         return found
 

@@ -14,10 +14,12 @@ from torch import Tensor
 
 from surfsup.errors import InputError
 from surfsup.learned.base import Architecture, LearnedSimulator
+from surfsup.learned.message_passing.simulator import MessagePassingSimulator
 from surfsup.learned.registry import LEARNED_SIMULATORS
 from surfsup.learned.training_domain import TrainingDomain
 
-FORMAT = "surfsup-simulator-5"
+FORMAT = "surfsup-simulator-6"
+FORMAT_5 = "surfsup-simulator-5"  # message-passing simulators with node features of version 1
 FORMAT_FAMILY = "surfsup-simulator-"
 
 
@@ -82,7 +84,10 @@ def load(path: Path) -> tuple[LearnedSimulator[Any], Card]:
                 )
             names = file.keys()  # the file itself is not a mapping
             tensors = {name: file.get_tensor(name) for name in names}
-        architecture = kind.architecture_type(**json.loads(header["architecture"]))
+        sizes = json.loads(header["architecture"])
+        if header["format"] == FORMAT_5 and issubclass(kind, MessagePassingSimulator):
+            sizes |= {"features": 1}
+        architecture = kind.architecture_type(**sizes)
         check_sizes(architecture, tensors)
         simulator = kind(architecture)
         simulator.load_state_dict(tensors)
@@ -110,13 +115,14 @@ def check_format(path: Path, found: str | None) -> None:
     Raises:
         InputError: it is another one; for weights of another version the message says what to do.
     """
-    if found is not None and found != FORMAT and found.startswith(FORMAT_FAMILY):
+    if found in (FORMAT, FORMAT_5):
+        return
+    if found is not None and found.startswith(FORMAT_FAMILY):
         raise InputError(
             f"{path}: is weights format '{found}' of another version of surfsup, this version reads '{FORMAT}'; "
             f"train the model again with 'surfsup train', or install the version that wrote it"
         )
-    if found != FORMAT:
-        raise InputError(f"{path}: contains '{found or 'something else'}', not weights of a simulator ('{FORMAT}')")
+    raise InputError(f"{path}: contains '{found or 'something else'}', not weights of a simulator ('{FORMAT}')")
 
 
 def check_sizes(architecture: Architecture, tensors: dict[str, Tensor]) -> None:

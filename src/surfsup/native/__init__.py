@@ -1,4 +1,4 @@
-"""The C++ code: DFSPH solver, neighbor search, signed distances, neighbor convolution.
+"""The C++ code: DFSPH solver, neighbor search, signed distances, graph networks.
 
 It is built with the package where there is a compiler. Without it Warp and torch compute the same;
 :mod:`surfsup.native.dispatch` decides.
@@ -17,11 +17,17 @@ try:
         TriangleBvh,
         convolve,
         convolve_gradient,
+        edges_backward,
+        edges_forward,
         energy_gain,
         find_neighbor_pairs,
+        has_bfloat16,
         instruction_sets,
         interpolate_grid,
         resolve_collisions,
+        resolve_moving_collisions,
+        rows_backward,
+        rows_forward,
         sum_kernels,
         sum_kernels_gradient,
     )
@@ -42,11 +48,17 @@ __all__ = [
     "TriangleBvh",
     "convolve",
     "convolve_gradient",
+    "edges_backward",
+    "edges_forward",
     "energy_gain",
     "find_neighbor_pairs",
+    "has_bfloat16",
     "instruction_sets",
     "interpolate_grid",
     "resolve_collisions",
+    "resolve_moving_collisions",
+    "rows_backward",
+    "rows_forward",
     "sum_kernels",
     "sum_kernels_gradient",
 ]

@@ -17,6 +17,17 @@ SolidQuery: TypeAlias = "Solid | Callable[[Vectors, Values, Vectors | None], Non
 # Arrays of a substep: positions (N, 3), kernel sums (N, 8), density gradient (N, 3), boundary density (N,), its
 # gradient (N, 3), density error (N,), density rate (N,).
 Record: TypeAlias = tuple[np.ndarray, ...]
+# What moves: maps of the solids, boxes around them (K, 2, 3) float32, their queries, poses before and after (K, 2, 7)
+# float64, where each particle last queried them (K, N, 3) float32 and the distance there (K, N) float32, both updated;
+# poses of the walls (2, 7) float64 or None. A pose is a position and a quaternion w, x, y, z.
+Moving: TypeAlias = tuple[object, ...]
+
+# float32, or the bits of bfloat16 as uint16.
+Numbers: TypeAlias = np.ndarray
+# Of a perceptron, float32: weights and biases of the first, hidden and output layer, scale and shift of the LayerNorm.
+PerceptronWeights: TypeAlias = tuple[np.ndarray | None, ...]
+# What a backward pass needs: hidden layers and normalized output (rows, width), inverse standard deviation (rows,).
+Activations: TypeAlias = tuple[np.ndarray, ...]
 
 def instruction_sets() -> list[str]:
     """Instruction sets that this processor supports, the fastest first."""
@@ -63,6 +74,26 @@ def resolve_collisions(
         query_positions, query_distance: (N, 3) and (N,), where each particle last queried the solid; None if unknown.
         isa: instruction set.
         threads: at most.
+
+    Raises:
+        ValueError: sizes do not fit, or the processor lacks the instruction set.
+    """
+
+def resolve_moving_collisions(
+    before: Vectors,
+    positions: Vectors,
+    velocities: Vectors,
+    collided: np.ndarray,
+    lower: Vector,
+    upper: Vector,
+    parameters: CollisionParameters,
+    solid: SolidQuery | None,
+    moving: Moving,
+    frame_time: float,
+    isa: str,
+    threads: int,
+) -> None:
+    """:func:`resolve_collisions` beside solids and walls that move for ``frame_time`` seconds.
 
     Raises:
         ValueError: sizes do not fit, or the processor lacks the instruction set.
@@ -122,11 +153,14 @@ class StepResult:
 
     Attributes:
         pairs: number of neighbor pairs; above ``max_pairs`` or -1 the step stopped early.
+        solid_work: of what moves on the particles, mean J/kg.
         finished: False where the energy limit was exceeded and the caller must finish the step.
     """
 
     @property
     def pairs(self) -> int: ...
+    @property
+    def solid_work(self) -> float: ...
     @property
     def finished(self) -> bool: ...
 
@@ -158,6 +192,7 @@ class Solver:
         new_velocities: Vectors,
         collided: np.ndarray,
         record: Record | None,
+        moving: Moving | None,
         isa: str,
         threads: int,
         max_pairs: int,
@@ -176,6 +211,7 @@ class Solver:
             new_positions, new_velocities: (N, 3), written.
             collided: (N,) bool, written.
             record: arrays for the last substep, written.
+            moving: what moves in the frame, without a record; None if nothing does.
             isa: instruction set.
             threads: at most.
             max_pairs: of neighbors; the step stops beyond it.
@@ -218,6 +254,115 @@ def convolve_gradient(
 
     Raises:
         ValueError: sizes do not fit.
+    """
+
+def has_bfloat16(isa: str) -> bool:
+    """Whether this processor multiplies matrices of bfloat16 with the instruction set.
+
+    Raises:
+        ValueError: the processor lacks the instruction set.
+    """
+
+def rows_forward(
+    rows: Matrix,
+    weights: PerceptronWeights,
+    epsilon: float,
+    kept: Activations | None,
+    out: Numbers,
+    first_bfloat16: bool,
+    bfloat16: bool,
+    isa: str,
+    threads: int,
+) -> None:
+    """Write a perceptron of ``rows`` (M, k) to ``out`` (M, C), and what a backward pass needs to ``kept``.
+
+    Args:
+        rows: float32.
+        weights: C is a multiple of 16.
+        epsilon: of the LayerNorm.
+        kept: in the precision of the layers after the first; None if there will be no backward pass.
+        out: float32, or in that precision.
+        first_bfloat16, bfloat16: whether the first layer and the others compute in bfloat16.
+        isa: instruction set.
+        threads: at most.
+
+    Raises:
+        ValueError: sizes or precisions do not fit, or the processor lacks the instruction set.
+    """
+
+def rows_backward(
+    rows: Matrix,
+    weights: PerceptronWeights,
+    epsilon: float,
+    kept: Activations,
+    out_gradient: Numbers,
+    rows_gradient: Matrix | None,
+    weights_gradient: PerceptronWeights,
+    first_bfloat16: bool,
+    isa: str,
+    threads: int,
+) -> None:
+    """Write the gradients in the arguments of :func:`rows_forward` from the gradient in its result.
+
+    Raises:
+        ValueError: sizes or precisions do not fit, or the processor lacks the instruction set.
+    """
+
+def edges_forward(
+    starts: np.ndarray,
+    senders: np.ndarray,
+    endpoints: Numbers,
+    edges: Numbers,
+    weights: PerceptronWeights,
+    epsilon: float,
+    kept: Activations | None,
+    received: Matrix,
+    new_edges: Numbers | None,
+    isa: str,
+    threads: int,
+) -> None:
+    """Write the sums of messages at their receivers to ``received`` (N, C), and edges plus messages to ``new_edges``.
+
+    A message is a perceptron of the edge, whose first layer adds what both ends contribute.
+
+    Args:
+        starts, senders: see :class:`surfsup.sph.neighbor_search.NeighborList`.
+        endpoints: (N, 2 C), contribution of each node as sender and as receiver, in the precision of the edges.
+        edges: (E, C); the network computes in their precision.
+        weights: the first layer has no bias; C is a multiple of 16.
+        epsilon: of the LayerNorm.
+        kept: None if there will be no backward pass.
+        received: float32.
+        new_edges: (E, C) or None.
+        isa: instruction set.
+        threads: at most.
+
+    Raises:
+        ValueError: sizes or precisions do not fit, or the processor lacks the instruction set.
+    """
+
+def edges_backward(
+    starts: np.ndarray,
+    senders: np.ndarray,
+    edges: Numbers,
+    weights: PerceptronWeights,
+    epsilon: float,
+    kept: Activations,
+    received_gradient: Matrix,
+    new_edges_gradient: Numbers | None,
+    edges_gradient: Numbers,
+    first_gradient: Numbers,
+    endpoints_gradient: Numbers,
+    weights_gradient: PerceptronWeights,
+    isa: str,
+    threads: int,
+) -> None:
+    """Write the gradients in the arguments of :func:`edges_forward` from those in its results.
+
+    ``first_gradient`` (E, C) receives that of the first layer before its ReLU.
+
+    Raises:
+        ValueError: sizes or precisions do not fit, an edge has no reverse, or the processor lacks the instruction set.
     """
 
 def sum_kernels(

@@ -17,7 +17,7 @@ from torch import Tensor
 
 from surfsup.errors import InputError
 
-FORMAT = "surfsup-checkpoint-2"
+FORMAT = "surfsup-checkpoint-3"
 
 
 @dataclass(frozen=True)

@@ -24,7 +24,8 @@ class OptimizationConfig(BaseModel):
     Attributes:
         steps: optimizer steps, the length of the learning-rate schedule.
         learning_rate, final_learning_rate: at the end of the warm-up and at the last step.
-        schedule: decay between the two, a cosine or an exponential.
+        schedule: decay between the two, a cosine or an exponential; or the inverse square root of the step, which does
+            not depend on ``steps`` and has ``final_learning_rate`` as its lower bound.
         warm_up: steps of the linear rise before the decay.
         clip: the largest gradient norm; a longer gradient is scaled down to it.
         averaging: decay of the moving average of the weights. The averaged weights are validated and kept.
@@ -37,7 +38,7 @@ class OptimizationConfig(BaseModel):
     steps: Count
     learning_rate: Positive
     final_learning_rate: NonNegative
-    schedule: Literal["cosine", "exponential"] = "cosine"
+    schedule: Literal["cosine", "exponential", "inverse-sqrt"] = "cosine"
     warm_up: NonNegativeInt
     clip: Positive = 1.0
     averaging: Decay

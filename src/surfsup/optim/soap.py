@@ -69,11 +69,20 @@ def initial_state(gradient: Tensor) -> dict[str, Tensor]:
     }
     if gradient.ndim == 2:
         products = {"rows": gradient @ gradient.T, "columns": gradient.T @ gradient}
-        bases = {
-            f"{name}_basis": torch.linalg.eigh(product).eigenvectors.contiguous() for name, product in products.items()
-        }
+        bases = {f"{name}_basis": eigenvectors(product) for name, product in products.items()}
         state |= products | bases
     return state
+
+
+def eigenvectors(product: Tensor) -> Tensor:
+    """The eigenvectors of a symmetric matrix as columns, computed in double precision where single gives NaN.
+
+    It gave NaN for the product of a gradient of low rank (64 x 64 of rank 3, the last layer of a decoder).
+    """
+    vectors = torch.linalg.eigh(product).eigenvectors
+    if not bool(vectors.isfinite().all()):
+        vectors = torch.linalg.eigh(product.double()).eigenvectors.to(product.dtype)
+    return vectors.contiguous()
 
 
 def update(

@@ -17,6 +17,8 @@ UNITS = {"s": 1, "m": 60, "h": 3600}  # seconds
 class Stop:
     """A stop condition: call it to learn whether to stop now.
 
+    The time limit counts from the first call. A run calls right before its first step, so preparation costs none of it.
+
     As a context manager it handles Ctrl-C and SIGTERM: the first signal requests a stop, the second raises
     KeyboardInterrupt.
 
@@ -25,13 +27,17 @@ class Stop:
     """
 
     def __init__(self, seconds: float = math.inf) -> None:
-        self._deadline = time.monotonic() + seconds
+        self._seconds = seconds
+        self._deadline: float | None = None
         self._previous_handlers: list[Any] = []
         self.signaled = False
 
     def __call__(self) -> bool:
         """Whether the time limit has passed or a signal has arrived."""
-        return self.signaled or time.monotonic() >= self._deadline
+        now = time.monotonic()
+        if self._deadline is None:
+            self._deadline = now + self._seconds
+        return self.signaled or now >= self._deadline
 
     def _handle_signal(self, number: int, frame: FrameType | None) -> None:
         if self.signaled:

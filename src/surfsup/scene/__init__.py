@@ -1,9 +1,13 @@
 """Scenes: a surface and blocks of fluid in a container."""
 
+from surfsup.scene.fill import Fill
 from surfsup.scene.fluid import NEAR_SURFACE_DISTANCE, PARTICLE_RADIUS, SPACING, Block, Fluid, InitialParticles
 from surfsup.scene.mesh_surface import load_mesh
-from surfsup.scene.scene import FRAME_TIME, SURFACE_CLEARANCE, WALL_CELL, WALL_CLEARANCE, Container, Scene
+from surfsup.scene.particle_file import ParticleFile
+from surfsup.scene.scene import WALL_CELL, Container, Scene
 from surfsup.scene.shapes import Shape
+from surfsup.scene.start import SURFACE_CLEARANCE, WALL_CLEARANCE
+from surfsup.scene.units import FRAME_TIME, Units
 
 __all__ = [
     "FRAME_TIME",
@@ -15,9 +19,12 @@ __all__ = [
     "WALL_CLEARANCE",
     "Block",
     "Container",
+    "Fill",
     "Fluid",
     "InitialParticles",
+    "ParticleFile",
     "Scene",
     "Shape",
+    "Units",
     "load_mesh",
 ]

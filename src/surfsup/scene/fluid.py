@@ -1,13 +1,17 @@
-"""The fluid at the start: blocks on a cubic lattice of particles."""
+"""The fluid at the start: blocks on a cubic lattice of particles, and the particles of a scene."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from pydantic import model_validator
 
+from surfsup.scene.fill import Fill
+from surfsup.scene.particle_file import ParticleFile
 from surfsup.scene.strict_model import StrictModel, Vector, for_callers_only
 
 PARTICLE_RADIUS = 0.015  # meters
@@ -23,9 +27,6 @@ class Block(StrictModel):
         min, max: lower and upper corner in meters.
         velocity: initial velocity in m/s.
 
-    Raises:
-        InputError: the block is too thin for a particle or holds more than MAX_PARTICLES.
-
     Examples:
         >>> Block((-0.1, -0.1, 0.5), (0.1, 0.1, 0.7), velocity=(0, 0, -1)).positions().shape
         (125, 3)
@@ -39,40 +40,99 @@ class Block(StrictModel):
     def __init__(self, min: Vector, max: Vector, velocity: Vector = (0.0, 0.0, 0.0)) -> None:
         super().__init__(min=min, max=max, velocity=velocity)
 
-    @model_validator(mode="after")
-    def check_particle_count(self) -> Block:
-        """Require at least one lattice site along each axis, and at most MAX_PARTICLES in all."""
-        sides = [(high - low) / SPACING for low, high in zip(self.min, self.max, strict=True)]
+    def check_particle_count(self, spacing: float) -> None:
+        """Require at least one lattice site along each axis, and at most MAX_PARTICLES in all.
+
+        Args:
+            spacing: of the particles, meters.
+
+        Raises:
+            ValueError: the block is too thin for a particle or holds more.
+        """
+        sides = [(high - low) / spacing for low, high in zip(self.min, self.max, strict=True)]
         if math.prod(max(1.0, side) for side in sides) > MAX_PARTICLES:
-            raise ValueError(f"block would hold more than {MAX_PARTICLES:,} particles of {SPACING} m")
+            raise ValueError(f"block would hold more than {MAX_PARTICLES:,} particles of {spacing:g} m")
         for axis, low, high in zip("xyz", self.min, self.max, strict=True):
-            if lattice_sites(low, high) < 1:
+            if lattice_sites(low, high, spacing) < 1:
                 raise ValueError(
                     f"block is {high - low:.3g} m thick along {axis}: "
-                    f"it must be at least {2 * SPACING:.3g} m to hold a particle"
+                    f"it must be at least {2 * spacing:.3g} m to hold a particle"
                 )
-        return self
 
-    def particle_bounds(self) -> list[tuple[float, float]]:
+    def particle_bounds(self, spacing: float = SPACING) -> list[tuple[float, float]]:
         """Coordinates of the first and the last particle along x, y and z in meters."""
         return [
-            (low + SPACING, low + SPACING * lattice_sites(low, high))
+            (low + spacing, low + spacing * lattice_sites(low, high, spacing))
             for low, high in zip(self.min, self.max, strict=True)
         ]
 
-    def positions(self) -> np.ndarray:
-        """Particle positions (N, 3) float32 in meters, on the lattice of SPlisHSPlasH's fluid blocks."""
+    def positions(self, spacing: float = SPACING) -> np.ndarray:
+        """Particle positions (N, 3) float32 in meters, on the lattice of SPlisHSPlasH's fluid blocks.
+
+        Args:
+            spacing: of the particles, meters.
+        """
         axes = [
-            low + SPACING * (1 + np.arange(lattice_sites(low, high)))
+            low + spacing * (1 + np.arange(lattice_sites(low, high, spacing)))
             for low, high in zip(self.min, self.max, strict=True)
         ]
         return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3).astype(np.float32)
 
 
 class Fluid(StrictModel):
-    """One entry of ``fluid`` in a scene file."""
+    """One entry of ``fluid`` in a scene file: a block, a filled shape or vessel, or the particles of a file."""
 
-    block: Block
+    block: Block | None = None
+    fill: Fill | None = None
+    particles: ParticleFile | None = None
+
+    @model_validator(mode="after")
+    def check_kind(self) -> Fluid:
+        """Require exactly one kind."""
+        given = [kind for kind in type(self).model_fields if getattr(self, kind) is not None]
+        if len(given) != 1:
+            found = " and ".join(given) if given else "none"
+            raise ValueError(f"needs exactly one of {', '.join(type(self).model_fields)}, found {found}")
+        return self
+
+    @classmethod
+    def of(cls, entry: Fluid | Block | Fill | ParticleFile) -> Fluid:
+        """The entry of a block, a fill or a file; an entry stays as it is."""
+        if isinstance(entry, Block):
+            return cls(block=entry)
+        if isinstance(entry, Fill):
+            return cls(fill=entry)
+        return cls(particles=entry) if isinstance(entry, ParticleFile) else entry
+
+    @property
+    def kind(self) -> str:
+        """The key of the entry."""
+        return next(kind for kind in type(self).model_fields if getattr(self, kind) is not None)
+
+    @property
+    def content(self) -> Block | Fill | ParticleFile:
+        """The one that is given."""
+        content: Block | Fill | ParticleFile = getattr(self, self.kind)
+        return content
+
+    @property
+    def speed(self) -> float:
+        """The magnitude of the entry's velocity in m/s; 0 for the velocities of a file."""
+        return math.hypot(*(self.content.velocity or (0.0, 0.0, 0.0)))
+
+    @property
+    def settle(self) -> bool:
+        """Whether the water comes to rest before the scene begins."""
+        return not isinstance(self.content, Block) and self.content.settle
+
+    def map_files(self, function: Callable[[Path], Path]) -> Fluid:
+        """A copy with ``function`` applied to the path of every file."""
+        content = self.content
+        if isinstance(content, ParticleFile):
+            return Fluid(particles=content.model_copy(update={"file": function(content.file)}))
+        if isinstance(content, Fill) and content.surface is not None:
+            return Fluid(fill=content.model_copy(update={"surface": content.surface.map_files(function)}))
+        return self
 
 
 @dataclass(frozen=True)
@@ -81,13 +141,15 @@ class InitialParticles:
 
     Attributes:
         block_positions: positions (N, 3) float32 in meters, one array per block.
-        block_velocities: velocity in m/s, one per block.
+        block_velocities: velocity in m/s, one per block, or one (N, 3) for each of its particles.
         excluded: number of lattice sites without a particle, because they overlap the solid or another block.
+        settle: whether the water of each block comes to rest before the scene begins; empty for none.
     """
 
     block_positions: list[np.ndarray]
-    block_velocities: list[Vector]
+    block_velocities: Sequence[Vector | np.ndarray]
     excluded: int
+    settle: tuple[bool, ...] = ()
 
     @property
     def positions(self) -> np.ndarray:
@@ -105,10 +167,10 @@ class InitialParticles:
         )
 
 
-def lattice_sites(low: float, high: float) -> int:
+def lattice_sites(low: float, high: float, spacing: float = SPACING) -> int:
     """Number of lattice sites along a side from ``low`` to ``high``: the whole spacings in it, minus one.
 
     SPlisHSPlasH places as many for a side of whole spacings. For other sides it rounds, so that particles may be up to
     half a spacing closer to the face of the block; this function rounds down.
     """
-    return int(np.floor((high - low) / SPACING + 1e-4)) - 1
+    return int(np.floor((high - low) / spacing + 1e-4)) - 1

@@ -11,7 +11,7 @@ import numpy as np
 
 from surfsup import sdf
 from surfsup.errors import InputError
-from surfsup.scene.fluid import PARTICLE_RADIUS, SPACING, Block
+from surfsup.scene.fluid import PARTICLE_RADIUS, Block
 from surfsup.scene.scene import Container, Scene
 from surfsup.scene.shapes import DeepSdfShape, MeshShape, Rotation, Shape, SirenShape
 from surfsup.sdf.neural import surface_file
@@ -47,6 +47,7 @@ def scene_from_surface(
     container: Container,
     block: Block | None,
     frames: int,
+    particle_radius: float = PARTICLE_RADIUS,
 ) -> tuple[Scene, str]:
     """The scene of water that falls on the mesh or neural surface in ``path``.
 
@@ -56,6 +57,7 @@ def scene_from_surface(
         container: the box around it.
         block: the water; None for a cube of 0.45 m above the solid.
         frames: number of frames.
+        particle_radius: meters.
 
     Returns:
         The scene, and a line for the user about size and orientation of the solid.
@@ -65,9 +67,10 @@ def scene_from_surface(
     """
     shape = placed_shape(path, placement)
     (lower, upper), summary = measure(path, shape, placement)
-    check_fits(path, lower, upper, container, fitted=placement.fit is not None)
-    water = block or block_above(lower, upper, container)
-    return Scene(container=container, surface=shape, fluid=[water], frames=frames), summary
+    check_fits(path, lower, upper, container, particle_radius, fitted=placement.fit is not None)
+    water = block or block_above(lower, upper, container, particle_radius)
+    scene = Scene(container=container, surface=shape, fluid=[water], frames=frames, particle_radius=particle_radius)
+    return scene, summary
 
 
 def measure(path: Path, shape: Shape, placement: Placement) -> tuple[np.ndarray, str]:
@@ -146,13 +149,16 @@ def require_single_shape(path: Path, placement: Placement) -> None:
         raise InputError(f"{path}: holds a single shape; omit --shape, which chooses a shape of a DeepSDF")
 
 
-def check_fits(path: Path, lower: np.ndarray, upper: np.ndarray, container: Container, fitted: bool) -> None:
+def check_fits(
+    path: Path, lower: np.ndarray, upper: np.ndarray, container: Container, particle_radius: float, fitted: bool
+) -> None:
     """Refuse a solid that is larger than the container, reaches out of it, or is smaller than a particle.
 
     Args:
         path: file of the solid, for the message.
         lower, upper: corners (3,) of its bounding box in meters.
         container: the box around it.
+        particle_radius: meters.
         fitted: whether it was scaled, for the remedy in the message.
 
     Raises:
@@ -163,8 +169,8 @@ def check_fits(path: Path, lower: np.ndarray, upper: np.ndarray, container: Cont
     remedy = "give a smaller --fit or a larger --container" if fitted else "omit --no-fit to scale it"
     if (upper - lower > np.asarray(container.size) + 1e-6).any():
         raise InputError(f"{path}: is {size} m, larger than the container of {room} m; {remedy}")
-    if (upper - lower).max() < 4 * PARTICLE_RADIUS:
-        raise InputError(f"{path}: is {size} m, too small for particles {SPACING} m apart; {remedy}")
+    if (upper - lower).max() < 4 * particle_radius:
+        raise InputError(f"{path}: is {size} m, too small for particles {2 * particle_radius:g} m apart; {remedy}")
     outside = (lower < np.asarray(container.lower) - 1e-6) | (upper > np.asarray(container.upper) + 1e-6)
     if outside.any():
         axis = int(np.argmax(outside))
@@ -174,7 +180,7 @@ def check_fits(path: Path, lower: np.ndarray, upper: np.ndarray, container: Cont
         )
 
 
-def block_above(lower: np.ndarray, upper: np.ndarray, container: Container) -> Block:
+def block_above(lower: np.ndarray, upper: np.ndarray, container: Container, particle_radius: float) -> Block:
     """A cube of water above the middle of a solid with the bounding box ``lower`` to ``upper`` (3,).
 
     Raises:
@@ -185,7 +191,7 @@ def block_above(lower: np.ndarray, upper: np.ndarray, container: Container) -> B
     low = np.clip(middle - sides[:2] / 2, container.lower[:2], np.asarray(container.upper[:2]) - sides[:2])
     bottom = upper[2] + GAP
     top = min(bottom + sides[2], container.size[2])
-    if top - bottom < 2 * SPACING:
+    if top - bottom < 4 * particle_radius:
         raise InputError(
             f"there is no room for water between the solid's top at {upper[2]:.3g} m and the ceiling at "
             f"{container.size[2]:.3g} m; give a smaller --fit, a taller --container or a block of your own"

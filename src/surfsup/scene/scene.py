@@ -2,37 +2,44 @@
 
 from __future__ import annotations
 
+import math
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
-import numpy as np
-import torch
 import yaml
-from pydantic import Field, GetPydanticSchema, PrivateAttr, ValidationError
+from pydantic import Field, GetPydanticSchema, PrivateAttr, ValidationError, field_validator, model_validator
 from pydantic_core import core_schema
-from scipy.spatial import cKDTree
 
 from surfsup.errors import InputError
-from surfsup.scene.fluid import SPACING, Block, Fluid, InitialParticles
+from surfsup.scene.fill import Fill
+from surfsup.scene.fluid import PARTICLE_RADIUS, Block, Fluid, InitialParticles
 from surfsup.scene.mesh_surface import MeshFileSurface
+from surfsup.scene.motion import Motion
+from surfsup.scene.particle_file import ParticleFile, end_time
 from surfsup.scene.safe_yaml import parse_yaml
-from surfsup.scene.shapes import Shape
-from surfsup.scene.strict_model import Length, StrictModel, Vector, for_callers_only
+from surfsup.scene.shapes import KINDS, Shape
+from surfsup.scene.solids import CONTAINER, NamedShape, as_named_shape, build_solids
+from surfsup.scene.start import initial_particles
+from surfsup.scene.strict_model import Finite, Length, StrictModel, Vector, for_callers_only
+from surfsup.scene.units import Units
 from surfsup.scene.validation_error import format_validation_error
 from surfsup.sdf import Surface
 from surfsup.sdf.neural.shipped_surfaces import is_shipped
 
-FRAME_TIME = 0.005  # seconds
-# Minimum distance of particles at the start, in meters: in the reference solver at most 0.04 % come closer (measured).
-SURFACE_CLEARANCE = 0.0238
-WALL_CLEARANCE = 0.024
+MIN_RADIUS, MAX_RADIUS = 1e-3, 0.1  # meters
 WALL_CELL = 0.05  # meters, approximately: cell size of the walls' boundary volume maps
+OPEN = 1e5  # meters: where the walls of an open container are
 
 
 class Container(StrictModel):
     """The box around everything: x and y centered on 0, floor at z = 0, sides ``size`` in meters.
+
+    Attributes:
+        size: sides, meters.
+        open: no walls; ``size`` is then what pictures show.
+        motion: how the box moves; None if it stands still.
 
     Examples:
         >>> Container(size=(2, 1, 1)).lower
@@ -40,16 +47,31 @@ class Container(StrictModel):
     """
 
     size: tuple[Length, Length, Length] = (1.0, 1.0, 2.0)
+    open: bool = False
+    motion: Motion | None = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def accept_none(cls, values: Any) -> Any:
+        """Take ``none`` for a container without walls."""
+        return {"open": True} if isinstance(values, str) and values == "none" else values
+
+    @model_validator(mode="after")
+    def check_motion(self) -> Container:
+        """Refuse the motion of walls that are not there."""
+        if self.open and self.motion is not None:
+            raise ValueError("an open container has no walls that could move; omit its motion")
+        return self
 
     @property
     def lower(self) -> tuple[float, float, float]:
         """The corner with the smallest coordinates, meters."""
-        return (-self.size[0] / 2, -self.size[1] / 2, 0.0)
+        return (-OPEN, -OPEN, -OPEN) if self.open else (-self.size[0] / 2, -self.size[1] / 2, 0.0)
 
     @property
     def upper(self) -> tuple[float, float, float]:
         """The corner with the largest coordinates, meters."""
-        return (self.size[0] / 2, self.size[1] / 2, self.size[2])
+        return (OPEN, OPEN, OPEN) if self.open else (self.size[0] / 2, self.size[1] / 2, self.size[2])
 
 
 STANDARD_CONTAINER = Container()
@@ -60,9 +82,17 @@ def accept_surface(value: object, validate: core_schema.ValidatorFunctionWrapHan
     return value if isinstance(value, Surface) else validate(value)
 
 
+def accept_named_surface(value: object, validate: core_schema.ValidatorFunctionWrapHandler) -> object:
+    """Take a Surface object as it is; validate anything else as a shape that may have a motion."""
+    return value if isinstance(value, Surface) else validate(dict(value) if type(value) is Shape else value)
+
+
 # A file describes a shape; only Python code gives a Surface. So messages about files speak of shapes alone.
 SurfaceSchema = GetPydanticSchema(
     lambda _, handler: core_schema.no_info_wrap_validator_function(accept_surface, handler(Shape | None))
+)
+NamedSchema = GetPydanticSchema(
+    lambda _, handler: core_schema.no_info_wrap_validator_function(accept_named_surface, handler(NamedShape))
 )
 
 
@@ -70,14 +100,19 @@ class Scene(StrictModel):
     """What to simulate; ``docs/scene-file.md`` describes the file.
 
     Attributes:
-        fluid: blocks of fluid.
+        fluid: blocks of fluid, filled shapes and vessels, particles of files.
         surface: the solid, as a shape description or a Surface; None for an empty container.
+        surfaces: solids by name, instead of ``surface``; these may move.
         container: the box around everything.
         gravity: m/s².
-        frames: number of frames, FRAME_TIME seconds each.
+        frames: number of frames in the trajectory.
+        particle_radius: half the particle spacing in meters, from 0.001 to 0.1.
+        fps: frames per second; by default each frame of the simulator, 5 ms · √(particle_radius / 15 mm), is one.
+        duration: seconds, instead of ``frames``.
+        restart: a trajectory whose last frame replaces the start of the fluid; time continues.
 
     Raises:
-        InputError: a value is out of range.
+        InputError: a value is out of range, or ``frames`` and ``duration`` contradict each other.
 
     Examples:
         >>> import surfsup as sf
@@ -88,23 +123,124 @@ class Scene(StrictModel):
 
     container: Container = STANDARD_CONTAINER
     surface: Annotated[Shape | Surface | None, SurfaceSchema] = None
+    surfaces: dict[str, Annotated[NamedShape | Surface, NamedSchema]] = Field(default_factory=dict)
     fluid: list[Fluid] = Field(min_length=1)
     gravity: Vector = (0.0, 0.0, -9.81)
     frames: int = Field(default=800, ge=1)
+    particle_radius: Finite = PARTICLE_RADIUS
+    fps: Length | None = None
+    duration: Length | None = None
+    restart: Path | None = None
     _folder: Path = PrivateAttr(default=Path())
 
     @for_callers_only
     def __init__(
         self,
         *,
-        fluid: Sequence[Block | Fluid],
+        fluid: Sequence[Block | Fill | ParticleFile | Fluid],
         surface: Shape | Surface | None = None,
+        surfaces: Mapping[str, Shape | Surface] | None = None,
         container: Container = STANDARD_CONTAINER,
         gravity: Vector = (0.0, 0.0, -9.81),
-        frames: int = 800,
+        frames: int | None = None,
+        particle_radius: float = PARTICLE_RADIUS,
+        fps: float | None = None,
+        duration: float | None = None,
+        restart: Path | str | None = None,
     ) -> None:
-        entries = [Fluid(block=entry) if isinstance(entry, Block) else entry for entry in fluid]
-        super().__init__(fluid=entries, surface=surface, container=container, gravity=gravity, frames=frames)
+        entries = [Fluid.of(entry) for entry in fluid]
+        given = {} if frames is None else {"frames": frames}
+        super().__init__(
+            fluid=entries,
+            surface=surface,
+            surfaces=dict(surfaces or {}),
+            container=container,
+            gravity=gravity,
+            particle_radius=particle_radius,
+            fps=fps,
+            duration=duration,
+            restart=restart,
+            **given,
+        )
+
+    @model_validator(mode="before")
+    @classmethod
+    def check_names(cls, values: Any) -> Any:
+        """Refuse a single surface beside named ones, and names that mean something else."""
+        named = values.get("surfaces") if isinstance(values, dict) else None
+        if not isinstance(named, dict) or not named:
+            return values
+        if values.get("surface") is not None:
+            raise ValueError("give either surface or surfaces, not both")
+        for name, entry in named.items():
+            if name in KINDS and isinstance(entry, dict) and not set(entry) & set(KINDS):
+                raise ValueError(
+                    f"surfaces: '{name}' is a kind of surface, not a name; write surfaces: {{a-name: {{{name}: ...}}}}"
+                )
+            if not str(name).strip() or name == CONTAINER or "/" in str(name):
+                raise ValueError(f"surfaces: '{name}' cannot be the name of a surface; choose another")
+        return values
+
+    @field_validator("particle_radius")
+    @classmethod
+    def check_radius(cls, radius: float) -> float:
+        """Refuse particles beyond the range in which water flows as the solver has it."""
+        if not MIN_RADIUS <= radius <= MAX_RADIUS:
+            raise ValueError(f"must be from {MIN_RADIUS:g} to {MAX_RADIUS:g} m")
+        return radius
+
+    @model_validator(mode="after")
+    def check_blocks(self) -> Scene:
+        """Require that every block holds a particle, and not too many."""
+        for number, entry in enumerate(self.fluid):
+            try:
+                if entry.block is None:
+                    continue
+                entry.block.check_particle_count(self.spacing)
+            except ValueError as error:
+                raise ValueError(f"fluid.{number}.block: {error}") from None
+        return self
+
+    @model_validator(mode="after")
+    def count_frames(self) -> Scene:
+        """Compute the number of frames from the duration."""
+        fastest = 1 / self.units.frame_time
+        if self.fps is not None and self.fps > (1 + 1e-6) * fastest:
+            raise ValueError(f"fps: must be at most {fastest:.4g} with particles of radius {self.particle_radius:g} m")
+        if self.duration is not None:
+            frames = max(1, math.ceil(self.duration / self.frame_time - 1e-6))
+            if "frames" in self.model_fields_set and self.frames != frames:
+                raise ValueError(
+                    f"frames: {self.frames} contradicts a duration of {self.duration:g} s, which has {frames} frames "
+                    f"of {self.frame_time:.4g} s; give only one of them"
+                )
+            self.__dict__["frames"] = frames  # the model is frozen for its users
+        return self
+
+    @property
+    def units(self) -> Units:
+        """The units of the scene beside those of the simulators."""
+        return Units(self.particle_radius)
+
+    @property
+    def spacing(self) -> float:
+        """Distance between neighboring particles at the start, meters."""
+        return 2 * self.particle_radius
+
+    @property
+    def frame_time(self) -> float:
+        """Seconds between the frames of the scene's trajectory."""
+        return self.units.frame_time if self.fps is None else 1 / self.fps
+
+    @property
+    def start_time(self) -> float:
+        """The time at which the scene begins, seconds: 0, or the end of the trajectory that it continues."""
+        return 0.0 if self.restart is None else end_time(self._folder / self.restart)
+
+    @property
+    def base_folder(self) -> Path:
+        """The folder where relative paths start."""
+        return self._folder
 
     @classmethod
     def from_yaml(cls, text: str, source: str, folder: Path = Path()) -> Scene:
@@ -155,7 +291,15 @@ class Scene(StrictModel):
                 f"scene: a file cannot describe its surface, a {type(shape).__name__} object; "
                 "give a Shape, or a surface from load_mesh"
             )
-        data = self.model_copy(update={"surface": shape}).model_dump(mode="json", exclude_defaults=True)
+        named = {name: as_named_shape(entry) for name, entry in self.surfaces.items()}
+        if missing := [name for name, entry in named.items() if entry is None]:
+            raise InputError(
+                f"scene: a file cannot describe its surface '{missing[0]}', a "
+                f"{type(self.surfaces[missing[0]]).__name__} object; give a Shape, or a surface from load_mesh"
+            )
+        data = self.model_copy(update={"surface": shape, "surfaces": named}).model_dump(
+            mode="json", exclude_defaults=True
+        )
         return yaml.safe_dump(data, sort_keys=False, default_flow_style=None)
 
     @property
@@ -165,7 +309,12 @@ class Scene(StrictModel):
 
     @property
     def surface_kind(self) -> str:
-        """The kind of the surface: a key of a scene file, "none" for no surface, "object" for one without a key."""
+        """The kind of the surface: a key of a scene file, "none" for no surface, "object" for one without a key.
+
+        Of named surfaces it is "several".
+        """
+        if self.surfaces:
+            return "several"
         shape = self.shape
         return "none" if shape is None else shape.kind if isinstance(shape, Shape) else "object"
 
@@ -178,9 +327,6 @@ class Scene(StrictModel):
             folder: folder of the new file.
             root: folder that may be moved as a whole; ``folder`` by default.
         """
-        shape = self.shape
-        if not isinstance(shape, Shape):
-            return self
         target, inside = folder.resolve(), (root or folder).resolve()
 
         def relocate(file: Path) -> Path:
@@ -189,7 +335,25 @@ class Scene(StrictModel):
             absolute = (self._folder / file).resolve()
             return Path(os.path.relpath(absolute, target)) if absolute.is_relative_to(inside) else absolute
 
-        return self.model_copy(update={"surface": shape.map_files(relocate)}).with_base_folder(folder)
+        shape, named = self.shape, {name: as_named_shape(entry) or entry for name, entry in self.surfaces.items()}
+        shake = self.container.motion
+        changes: dict[str, object] = {
+            "surface": shape.map_files(relocate) if isinstance(shape, Shape) else shape,
+            "surfaces": {
+                name: entry.map_files(relocate) if isinstance(entry, Shape) else entry for name, entry in named.items()
+            },
+            "fluid": [entry.map_files(relocate) for entry in self.fluid],
+            "restart": None if self.restart is None else relocate(self.restart),
+        }
+        if shake is not None:
+            changes["container"] = self.container.model_copy(update={"motion": shake.map_files(relocate)})
+        return self.model_copy(update=changes).with_base_folder(folder)
+
+    @property
+    def moves(self) -> bool:
+        """Whether a surface or the container has a motion."""
+        entries = [self.container, *self.surfaces.values()]
+        return any(getattr(entry, "motion", None) is not None for entry in entries)
 
     def with_base_folder(self, folder: Path) -> Scene:
         """A copy whose relative paths start at ``folder``."""
@@ -199,54 +363,45 @@ class Scene(StrictModel):
 
     def with_frames(self, frames: int) -> Scene:
         """A copy with another number of frames."""
-        return self.model_copy(update={"frames": frames})
+        return self.model_copy(update={"frames": frames, "duration": None})
+
+    def with_changes(self, **values: float | Path | None) -> Scene:
+        """A copy with other values of some attributes; None keeps a value.
+
+        Raises:
+            InputError: a value is out of range, or contradicts another.
+        """
+        changes = {key: value for key, value in values.items() if value is not None}
+        if not changes:
+            return self
+        kept = {key: getattr(self, key) for key in type(self).model_fields}
+        kept.pop("frames" if "duration" in changes or self.duration is not None else "duration")
+        if "frames" in changes:
+            kept["duration"] = None
+        return type(self)(**{**kept, **changes}).with_base_folder(self._folder)
 
     def build_surface(self) -> Surface | None:
-        """The signed distance function of the solid; None for an empty container.
+        """The signed distance function of all that stands still; None without any.
 
         Raises:
             InputError: a file of the surface is missing or unusable.
         """
+        return build_solids(self).still if self.surfaces else self.build_single_surface()
+
+    def build_single_surface(self) -> Surface | None:
+        """The signed distance function of ``surface``."""
         return self.surface.surface(self._folder) if isinstance(self.surface, Shape) else self.surface
 
     def initial_particles(self, surface: Surface | None) -> InitialParticles:
-        """Fill the blocks with particles, except where they overlap the solid or an earlier block.
+        """Place the particles of each entry of the fluid, except where they overlap the solid or an earlier entry.
+
+        A scene with ``restart`` has those of the last frame of that trajectory instead.
 
         Args:
-            surface: the surface of :meth:`build_surface`.
+            surface: the solid at the start; that of :meth:`build_surface` if nothing moves.
 
         Raises:
-            InputError: a block reaches out of the container, or no particle remains.
+            InputError: an entry reaches out of the container, a vessel is open, a file is unusable, this machine's
+                memory is too small, or no particle remains.
         """
-        blocks, velocities, placed, excluded = [], [], np.empty((0, 3), np.float32), 0
-        for number, entry in enumerate(self.fluid):
-            self._check_inside_container(number, entry.block)
-            positions = entry.block.positions()
-            free = np.ones(len(positions), dtype=bool)
-            if surface is not None:
-                with torch.no_grad():
-                    free &= (surface.distance(torch.from_numpy(positions)) >= SURFACE_CLEARANCE).numpy()
-            if len(placed):
-                free &= cKDTree(placed).query(positions)[0] > 0.9 * SPACING
-            excluded += int((~free).sum())
-            if free.any():
-                blocks.append(positions[free])
-                velocities.append(entry.block.velocity)
-                placed = np.concatenate([placed, positions[free]])
-        if not blocks:
-            raise InputError(
-                f"fluid: all {excluded} particles are inside the solid; move the block or make the surface smaller"
-            )
-        return InitialParticles(blocks, velocities, excluded)
-
-    def _check_inside_container(self, number: int, block: Block) -> None:
-        limits = zip("xyz", self.container.lower, self.container.upper, strict=True)
-        for (name, low, high), (first, last), start, end in zip(
-            limits, block.particle_bounds(), block.min, block.max, strict=True
-        ):
-            if first < low + WALL_CLEARANCE or last > high - WALL_CLEARANCE:
-                raise InputError(
-                    f"fluid: block {number} reaches from {start:.3g} to {end:.3g} m along "
-                    f"{name}, outside the container ({low:.3g} to {high:.3g} m); "
-                    "move the block or enlarge the container"
-                )
+        return initial_particles(self, surface)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
 
 import torch
 from pydantic import Field, model_validator
@@ -213,6 +213,17 @@ class Shape(StrictModel):
     rotate: Rotation | None = None
     at: Vector = (0.0, 0.0, 0.0)
 
+    @model_validator(mode="before")
+    @classmethod
+    def check_still(cls, values: Any) -> Any:
+        """Refuse a motion of a surface without a name of its own."""
+        if isinstance(values, dict) and "motion" in values and "motion" not in cls.model_fields:
+            raise ValueError(
+                "may not have a motion: only a surface with a name of its own moves; "
+                "write surfaces: {name: {..., motion: ...}}"
+            )
+        return values
+
     @model_validator(mode="after")
     def check_kind(self) -> Shape:
         """Require exactly one kind."""
@@ -246,7 +257,7 @@ class Shape(StrictModel):
         """The rotation matrix (3, 3)."""
         return sdf.axis_rotation(self.rotate.axis, self.rotate.degrees) if self.rotate else torch.eye(3)
 
-    def map_files(self, function: Callable[[Path], Path]) -> Shape:
+    def map_files(self, function: Callable[[Path], Path]) -> Self:
         """A copy with ``function`` applied to the path of every file."""
         content = getattr(self, self.kind)
         if self.kind in COMBINATIONS:

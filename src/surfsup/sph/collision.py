@@ -12,6 +12,7 @@ from torch import Tensor
 from surfsup import native
 from surfsup.native.dispatch import can_run_native, fastest_isa
 from surfsup.sph.environment import Environment
+from surfsup.sph.moving import FrameMotion
 from surfsup.sph.native_query import native_query
 
 # Meters from solid and walls to a particle's center. The reference's water comes no nearer than 21.8 mm.
@@ -65,6 +66,8 @@ def resolve_collisions(
         environment: container and solid.
         last: an earlier query of the solid. Particles that cannot have come near since then skip the query.
     """
+    if environment.motion is not None:
+        return resolve_moving_collisions(before, positions, velocities, environment, environment.motion)
     if can_run_native(positions, velocities, environment.lower, environment.upper, module=environment.surface):
         return resolve_collisions_native(before, positions, velocities, environment, last)
     positions, velocities, collided = clamp_to_container(positions, velocities, environment)
@@ -86,6 +89,34 @@ def resolve_collisions(
     positions = positions.index_copy(0, stuck, before[stuck])
     velocities = velocities.index_fill(0, stuck, 0.0)
     return CollisionResult(positions, velocities, collided)
+
+
+def resolve_moving_collisions(
+    before: Tensor, positions: Tensor, velocities: Tensor, environment: Environment, motion: FrameMotion
+) -> CollisionResult:
+    """:func:`resolve_collisions` beside solids and walls that move from before to after, in C++.
+
+    In the frame of a solid, its motion is part of a particle's path. A path that enters the solid ends there, so that
+    no particle passes, however thin the solid. The velocity that a contact removes is that relative to the solid. A
+    particle that stays inside moves with the solid.
+    """
+    new_positions, new_velocities = (value.detach().numpy().copy() for value in (positions, velocities))
+    collided = np.empty(len(positions), bool)
+    native.resolve_moving_collisions(
+        before.detach().contiguous().numpy(),
+        new_positions,
+        new_velocities,
+        collided,
+        environment.lower.numpy(),
+        environment.upper.numpy(),
+        collision_parameters(),
+        native_query(environment),
+        motion.native(count=len(positions)),
+        motion.seconds,
+        fastest_isa(),
+        torch.get_num_threads(),
+    )
+    return CollisionResult(*(torch.from_numpy(value) for value in (new_positions, new_velocities, collided)))
 
 
 def resolve_collisions_native(

@@ -12,7 +12,7 @@ from torch import Tensor
 
 from surfsup import native
 from surfsup.native.dispatch import can_run_native
-from surfsup.sph.state import ParticleState
+from surfsup.sph.state import WHOLE_FRAME, FramePart, ParticleState
 
 MAX_ENERGY_GAIN = 2e-3  # J/kg in a frame; valid rollouts gain this now and then, and a scene begins with 5 to 15
 MAX_DELTA_VELOCITY = 5.0  # m/s in a frame; one true change in ten thousand exceeds 4.7
@@ -35,7 +35,12 @@ def energy_gain(state: ParticleState, positions: Tensor, velocities: Tensor, gra
 
 
 def limit_energy_gain(
-    state: ParticleState, positions: Tensor, velocities: Tensor, gravity: Tensor
+    state: ParticleState,
+    positions: Tensor,
+    velocities: Tensor,
+    gravity: Tensor,
+    part: FramePart = WHOLE_FRAME,
+    supplied: float = 0.0,
 ) -> tuple[Tensor, Tensor]:
     """A step from ``state`` with its deviations from free fall cut until it gains no energy.
 
@@ -47,15 +52,17 @@ def limit_energy_gain(
         positions: after it, meters.
         velocities: after it, m/s.
         gravity: (3,), m/s².
+        part: of a frame that the step takes.
+        supplied: energy from outside, mean J/kg: the work of moving solids.
     """
-    if not energy_gain(state, positions, velocities, gravity) > MAX_ENERGY_GAIN:
+    if not energy_gain(state, positions, velocities, gravity) > MAX_ENERGY_GAIN + supplied:
         return positions, velocities
-    predicted, falling = state.ballistic(gravity)
+    predicted, falling = state.ballistic(gravity, part)
     delta_velocity, delta_position = velocities - falling, positions - predicted
     for halving in range(1, HALVINGS + 1):
         fraction = kept_fraction(delta_velocity, MAX_DELTA_VELOCITY / 2**halving)
         positions, velocities = predicted + fraction * delta_position, falling + fraction * delta_velocity
-        if energy_gain(state, positions, velocities, gravity) <= MAX_ENERGY_GAIN:
+        if energy_gain(state, positions, velocities, gravity) <= MAX_ENERGY_GAIN + supplied:
             return positions, velocities
     return predicted, falling
 

@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 from copy import deepcopy
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 
 import torch
 from torch import Tensor
 
 from surfsup import native
+from surfsup.errors import InputError
 from surfsup.native.dispatch import tensors_requiring_grad
 from surfsup.scene import Scene
+from surfsup.scene.solids import Solids, build_solids
 from surfsup.sdf import Surface, Transformed
 from surfsup.sph.boundary.boundary_map import BoundaryMap
+from surfsup.sph.moving import FrameMotion, MovingSolids
 
 
 @dataclass(frozen=True)
@@ -21,11 +24,14 @@ class Environment:
     """Solid, container and gravity. They are constant; if one changes, make a new environment.
 
     Attributes:
-        surface: the solid, or None.
+        surface: the solid that stands still, or None.
         lower, upper: (3,) corners of the container, meters.
         gravity: (3,), m/s².
         boundary_map: the solid's volume map. None without a solid, and for solids whose shape requires a gradient:
             these act through distance and normal alone.
+        moving: what moves, or None.
+        motion: its poses before and after the next frame, see :meth:`at_frame`.
+        unmoved: the same without that motion; None where nothing moves.
     """
 
     surface: Surface | None
@@ -33,25 +39,64 @@ class Environment:
     upper: Tensor
     gravity: Tensor
     boundary_map: BoundaryMap | None = None
+    moving: MovingSolids | None = None
+    motion: FrameMotion | None = None
+    unmoved: Environment | None = None
 
     def __getstate__(self) -> dict[str, object]:
         """The fields alone: cached native objects can be neither copied nor pickled."""
         return {field.name: getattr(self, field.name) for field in fields(self)}
 
     @classmethod
-    def of(cls, scene: Scene, surface: Surface | None, device: torch.device | str = "cpu") -> Environment:
-        """The environment of a scene."""
+    def of(
+        cls,
+        scene: Scene,
+        surface: Surface | None,
+        device: torch.device | str = "cpu",
+        solids: Solids | None = None,
+    ) -> Environment:
+        """The environment of a scene in the units of the simulators (:class:`surfsup.scene.Units`).
+
+        Args:
+            scene: the scene, converted (:meth:`surfsup.scene.Units.scene_to_solver`).
+            surface: what stands still in it.
+            device: of the tensors.
+            solids: all solids, if they were built before.
+        """
+        assert scene.units.same, "convert the scene first"
         container = scene.container
+        if solids is None and scene.moves:
+            solids = build_solids(scene)
         return cls(
             None if surface is None else surface_on(surface, device),
             torch.tensor(container.lower, device=device),
             torch.tensor(container.upper, device=device),
             torch.tensor(scene.gravity, device=device),
             None if surface is None or tensors_requiring_grad(surface) else BoundaryMap.of(surface, container),
+            MovingSolids(solids) if solids is not None and solids.move else None,
         )
 
+    def moved(self, motion: FrameMotion) -> Environment:
+        """The same, for a frame with ``motion``."""
+        return replace(self, motion=motion, unmoved=self.base)
+
+    @property
+    def base(self) -> Environment:
+        """The environment of the scene, one object for all its frames."""
+        return self.unmoved or self
+
+    def at_frame(self, number: int) -> Environment:
+        """The same for the step from frame ``number`` to the next, as the scene describes the motion."""
+        return self if self.moving is None else self.moved(self.moving.of_frame(number))
+
     def transformed_by(self, matrix: Tensor) -> Environment:
-        """The same, rotated or mirrored by an orthogonal ``matrix`` (3, 3) that maps axes onto axes."""
+        """The same, rotated or mirrored by an orthogonal ``matrix`` (3, 3) that maps axes onto axes.
+
+        Raises:
+            InputError: something moves.
+        """
+        if self.moving is not None:
+            raise InputError("a scene with moving solids has no mirrored copies")
         corners = torch.stack([matrix @ self.lower, matrix @ self.upper])
         return Environment(
             None if self.surface is None else Transformed(self.surface, matrix).to(matrix.device),

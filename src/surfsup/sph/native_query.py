@@ -3,19 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 import numpy as np
 import torch
 
 from surfsup import native
 from surfsup.sdf import Surface
-from surfsup.sph.environment import Environment
+
+if TYPE_CHECKING:
+    from surfsup.sph.environment import Environment
 
 PythonQuery = Callable[[np.ndarray, np.ndarray, np.ndarray | None], None]
 
 
 def native_query(environment: Environment) -> native.Solid | PythonQuery | None:
-    """The solid as C++ functions take it; None without a solid."""
+    """The solid that stands still as C++ functions take it; None without one."""
+    environment = environment.base
     surface = environment.surface
     if surface is None:
         return None

@@ -10,8 +10,8 @@ import torch
 from torch import Tensor
 
 from surfsup import native
-from surfsup.native.dispatch import fastest_isa
-from surfsup.scene import FRAME_TIME, WALL_CELL
+from surfsup.native.dispatch import can_run_native, fastest_isa
+from surfsup.scene import WALL_CELL
 from surfsup.sph import dfsph
 from surfsup.sph.boundary import density, walls
 from surfsup.sph.boundary.boundary_map import NO_ROTATION
@@ -20,10 +20,11 @@ from surfsup.sph.energy import MAX_ENERGY_GAIN
 from surfsup.sph.environment import Environment
 from surfsup.sph.kernel_sums import kernel_graph
 from surfsup.sph.kernels import KERNEL_SUPPORT
+from surfsup.sph.moving import no_query
 from surfsup.sph.native_query import native_query
 from surfsup.sph.neighbor_search import find_neighbors
 from surfsup.sph.stability import check_pairs, max_pairs
-from surfsup.sph.state import SUBSTEPS, ParticleState
+from surfsup.sph.state import WHOLE_FRAME, FramePart, ParticleState
 
 
 @dataclass(frozen=True)
@@ -36,6 +37,7 @@ class NativeFrame:
         collided: (N,) bool, which particles collision handling moved.
         last_query: where each particle last queried the solid.
         finished: False where the energy limit was exceeded. Then neither limiter nor collision handling was applied.
+        solid_work: of what moves on the particles, mean J/kg.
     """
 
     positions: Tensor
@@ -43,6 +45,7 @@ class NativeFrame:
     collided: Tensor
     last_query: LastQuery
     finished: bool
+    solid_work: float = 0.0
 
 
 class NativeSolver:
@@ -54,14 +57,21 @@ class NativeSolver:
 
     def __init__(self, isa: str | None = None) -> None:
         self.isa = isa or fastest_isa()
-        self.solver = native.Solver(solver_parameters())
+        self.solvers = {WHOLE_FRAME: native.Solver(solver_parameters())}
         self._last: tuple[Environment, LastQuery] | None = None
+        self._moving_queries: tuple[np.ndarray, np.ndarray] | None = None
 
     def __reduce__(self) -> tuple[type[NativeSolver], tuple[str]]:
         return NativeSolver, (self.isa,)  # a copy has buffers of its own
 
-    def step(self, state: ParticleState, environment: Environment, handle_collisions: bool = True) -> NativeFrame:
-        """One frame.
+    def step(
+        self,
+        state: ParticleState,
+        environment: Environment,
+        handle_collisions: bool = True,
+        part: FramePart = WHOLE_FRAME,
+    ) -> NativeFrame:
+        """One frame, or a ``part`` of one.
 
         The pressure solve reads the boundary map. Only collision handling needs exact distances, and only of
         particles that may have come near the solid since their last query.
@@ -69,7 +79,7 @@ class NativeSolver:
         Raises:
             SimulationError: a position is not finite, or the particles have collapsed into a clump.
         """
-        return self._run(state, environment, handle_collisions, None)
+        return self._run(state, environment, handle_collisions, None, part)
 
     def observe(self, state: ParticleState, environment: Environment) -> tuple[NativeFrame, dfsph.Substep]:
         """One frame without energy limit and collision handling, and its last substep, for a network to correct.
@@ -107,14 +117,20 @@ class NativeSolver:
         environment: Environment,
         handle_collisions: bool,
         record: tuple[np.ndarray, ...] | None,
+        part: FramePart = WHOLE_FRAME,
     ) -> NativeFrame:
+        if part not in self.solvers:
+            self.solvers[part] = native.Solver(solver_parameters(part))
         positions, velocities = state.positions.contiguous().numpy(), state.velocities.contiguous().numpy()
         count = len(positions)
         query_positions, query_distance = self._last_query(environment, count)
         new_positions, new_velocities = np.empty_like(positions), np.empty_like(positions)
         collided = np.empty(count, bool)
         boundary_map = environment.boundary_map
-        result = self.solver.step(
+        moving = None
+        if environment.motion is not None:
+            moving = environment.motion.native(*self._last_moving_queries(environment, count))
+        result = self.solvers[part].step(
             positions=positions,
             velocities=velocities,
             gravity=environment.gravity.numpy(),
@@ -130,32 +146,49 @@ class NativeSolver:
             new_velocities=new_velocities,
             collided=collided,
             record=record,
+            moving=moving,
             isa=self.isa,
             threads=torch.get_num_threads(),
             max_pairs=max_pairs(count, KERNEL_SUPPORT),
         )
         check_pairs(result.pairs, count, KERNEL_SUPPORT)
         last_query = LastQuery(torch.from_numpy(query_positions), torch.from_numpy(query_distance))
-        self._last = environment, last_query
+        self._last = environment.base, last_query
         return NativeFrame(
             torch.from_numpy(new_positions),
             torch.from_numpy(new_velocities),
             torch.from_numpy(collided),
             last_query,
             result.finished,
+            result.solid_work,
         )
+
+    def _last_moving_queries(self, environment: Environment, count: int) -> tuple[np.ndarray, np.ndarray]:
+        """Where ``count`` particles last queried what moves and the distances there; the step updates them."""
+        bodies = 0 if environment.motion is None else len(environment.motion.bodies)
+        known = self._last is not None and self._last[0] is environment.base
+        queries = self._moving_queries if known else None
+        if queries is None or queries[1].shape != (bodies, count):
+            queries = self._moving_queries = no_query(bodies, count)
+        return queries
 
     def _last_query(self, environment: Environment, count: int) -> tuple[np.ndarray, np.ndarray]:
         """Copies of where ``count`` particles last queried the solid (N, 3), and their distances there (N,)."""
-        if self._last is None or self._last[0] is not environment or len(self._last[1].distance) != count:
+        if self._last is None or self._last[0] is not environment.base or len(self._last[1].distance) != count:
             return np.zeros((count, 3), np.float32), np.zeros(count, np.float32)  # so close that all query again
         last = self._last[1]
         return last.positions.numpy().copy(), last.distance.numpy().copy()
 
 
+def can_step_native(state: ParticleState, environment: Environment) -> bool:
+    """Whether the solver in C++ may take a step."""
+    tensors = (state.positions, state.velocities, environment.gravity, environment.lower, environment.upper)
+    return can_run_native(*tensors, module=environment.surface)
+
+
 @cache
-def solver_parameters() -> native.SolverParameters:
-    """The constants of the solver for C++ code."""
+def solver_parameters(part: FramePart = WHOLE_FRAME) -> native.SolverParameters:
+    """The constants of the solver for C++ code, for a frame or a part of one."""
     boundary = native.BoundaryParameters()
     boundary.distance_offset = density.DISTANCE_OFFSET
     boundary.min_distance = density.MIN_DISTANCE
@@ -168,8 +201,8 @@ def solver_parameters() -> native.SolverParameters:
 
     parameters = native.SolverParameters()
     parameters.kernel_support = KERNEL_SUPPORT
-    parameters.frame_time = FRAME_TIME
-    parameters.substeps = SUBSTEPS
+    parameters.frame_time = part.seconds
+    parameters.substeps = part.substeps
     parameters.self_density = dfsph.SELF_DENSITY
     parameters.divergence_relaxation = dfsph.DIVERGENCE_RELAXATION
     parameters.density_relaxation = dfsph.DENSITY_RELAXATION

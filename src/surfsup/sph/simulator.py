@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
-from itertools import islice
+from itertools import count, islice
 from typing import ClassVar, Generic, Protocol, Self, TypeVar
 
 import torch
 from torch import Tensor
 
+from surfsup.errors import InputError
 from surfsup.sph.environment import Environment
 
 
@@ -35,9 +36,11 @@ class Simulator(ABC, Generic[StateType]):
 
     Attributes:
         history_length: number of frames before the present one that a state holds.
+        knows_moving_solids: whether solids and container may move.
     """
 
     history_length: ClassVar[int]
+    knows_moving_solids: ClassVar[bool] = False
 
     @abstractmethod
     def initial_state(self, positions: Tensor, velocities: Tensor, environment: Environment) -> StateType:
@@ -79,6 +82,16 @@ class Simulator(ABC, Generic[StateType]):
         self, state: StateType, environment: Environment, handle_collisions: bool
     ) -> Iterator[tuple[StateType, Tensor]]:
         yield state, torch.zeros(len(state.positions), dtype=torch.bool, device=state.positions.device)
-        while True:
-            state, collided = self.step(state, environment, handle_collisions)
+        self.check_knows(environment)
+        for number in count():
+            state, collided = self.step(state, environment.at_frame(number), handle_collisions)
             yield state, collided
+
+    def check_knows(self, environment: Environment) -> None:
+        """Refuse an environment in which something moves, unless the simulator knows moving solids.
+
+        Raises:
+            InputError: it does not.
+        """
+        if environment.moving is not None and not self.knows_moving_solids:
+            raise InputError(f"{type(self).__name__} does not know moving solids; use the simulator dfsph")

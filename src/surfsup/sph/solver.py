@@ -9,14 +9,17 @@ from typing import TYPE_CHECKING, ClassVar
 import torch
 from torch import Tensor
 
-from surfsup.native.dispatch import can_run_native, is_built
+from surfsup.native.dispatch import is_built
+from surfsup.scene import FRAME_TIME
 from surfsup.sph.collision import LastQuery, resolve_collisions
 from surfsup.sph.dfsph import Substep
 from surfsup.sph.energy import limit_energy_gain
 from surfsup.sph.environment import Environment
-from surfsup.sph.native_solver import NativeSolver
+from surfsup.sph.fast_frames import frame_parts
+from surfsup.sph.moving_step import step_among_moving
+from surfsup.sph.native_solver import NativeSolver, can_step_native
 from surfsup.sph.simulator import Simulator
-from surfsup.sph.state import ParticleState
+from surfsup.sph.state import WHOLE_FRAME, FramePart, ParticleState
 
 if TYPE_CHECKING:
     from surfsup.sph.warp_engine.solver import WarpSolver
@@ -48,11 +51,14 @@ class Observation:
 class DfsphSolver(Simulator[ParticleState]):
     """Advances particles by frames of 0.005 s with five DFSPH substeps each (:mod:`surfsup.sph.dfsph`).
 
+    In C++ a frame of very fast water has a multiple of five substeps (:mod:`surfsup.sph.fast_frames`).
+
     Runs in C++ on CPUs in single precision where no gradient is needed, and in Warp otherwise: with gradients in
     positions, velocities and the shape of the solid, in double precision, on GPUs, and on CPUs without the C++ code.
     Both agree to rounding.
     """
 
+    knows_moving_solids: ClassVar[bool] = True
     history_length: ClassVar[int] = 0  # positions and end-of-frame velocities are the whole state
 
     def __init__(self) -> None:
@@ -81,7 +87,11 @@ class DfsphSolver(Simulator[ParticleState]):
         Raises:
             SimulationError: a position is not finite, or the particles have collapsed into a clump.
         """
+        if environment.moving is not None:
+            return step_among_moving(self.native, state, environment, handle_collisions)
         if self.native is not None and can_step_native(state, environment):
+            if (parts := frame_parts(state.velocities)) > 1:
+                return self._step_in_parts(self.native, state, environment, handle_collisions, parts)
             frame = self.native.step(state, environment, handle_collisions)
             if frame.finished:
                 return ParticleState(frame.positions, frame.velocities), frame.collided
@@ -92,6 +102,23 @@ class DfsphSolver(Simulator[ParticleState]):
             positions, velocities = self.warp.advance(state, environment, predicted, distance, normal)
             last_query = LastQuery(predicted, distance)
         return finish_step(state, positions, velocities, environment, last_query, handle_collisions)
+
+    def _step_in_parts(
+        self, solver: NativeSolver, state: ParticleState, environment: Environment, handle_collisions: bool, parts: int
+    ) -> tuple[ParticleState, Tensor]:
+        """A frame of fast water (:mod:`surfsup.sph.fast_frames`)."""
+        part = FramePart(FRAME_TIME / parts)
+        moved = torch.zeros(len(state.positions), dtype=torch.bool)
+        for _ in range(parts):
+            frame = solver.step(state, environment, handle_collisions, part)
+            if frame.finished:
+                state, collided = ParticleState(frame.positions, frame.velocities), frame.collided
+            else:
+                state, collided = finish_step(
+                    state, frame.positions, frame.velocities, environment, frame.last_query, handle_collisions, part
+                )
+            moved |= collided
+        return state, moved
 
     def observe(self, state: ParticleState, environment: Environment) -> Observation:
         """The frame by the pressure solve alone, and its last substep, without gradients.
@@ -114,12 +141,6 @@ class DfsphSolver(Simulator[ParticleState]):
         return Observation(state, positions, velocities, delta_position, delta_velocity, last_query, substep)
 
 
-def can_step_native(state: ParticleState, environment: Environment) -> bool:
-    """Whether the solver in C++ may take a step."""
-    tensors = (state.positions, state.velocities, environment.gravity, environment.lower, environment.upper)
-    return can_run_native(*tensors, module=environment.surface)
-
-
 def finish_step(
     state: ParticleState,
     positions: Tensor,
@@ -127,6 +148,7 @@ def finish_step(
     environment: Environment,
     last_query: LastQuery | None,
     handle_collisions: bool,
+    part: FramePart = WHOLE_FRAME,
 ) -> tuple[ParticleState, Tensor]:
     """The state after energy limit and, if requested, collision handling, and which particles (N,) were moved.
 
@@ -137,8 +159,9 @@ def finish_step(
         environment: gravity, container and solid.
         last_query: where the particles queried the solid within the step.
         handle_collisions: whether to move particles out of solid and walls.
+        part: of a frame that the step takes.
     """
-    positions, velocities = limit_energy_gain(state, positions, velocities, environment.gravity)
+    positions, velocities = limit_energy_gain(state, positions, velocities, environment.gravity, part)
     if not handle_collisions:
         return ParticleState(positions, velocities), torch.zeros(
             len(positions), dtype=torch.bool, device=positions.device

@@ -17,6 +17,22 @@ SUBSTEP_TIME = FRAME_TIME / SUBSTEPS
 
 
 @dataclass(frozen=True)
+class FramePart:
+    """A frame, or a part of one that is computed by itself.
+
+    Attributes:
+        seconds: its duration.
+        substeps: number of substeps in it.
+    """
+
+    seconds: float = FRAME_TIME
+    substeps: int = SUBSTEPS
+
+
+WHOLE_FRAME = FramePart()
+
+
+@dataclass(frozen=True)
 class ParticleState:
     """The particles at the end of a frame.
 
@@ -28,11 +44,12 @@ class ParticleState:
     positions: Tensor
     velocities: Tensor
 
-    def ballistic(self, gravity: Tensor) -> tuple[Tensor, Tensor]:
-        """Positions (N, 3) in meters and velocities (N, 3) in m/s one frame later under ``gravity`` (3,) alone."""
+    def ballistic(self, gravity: Tensor, part: FramePart = WHOLE_FRAME) -> tuple[Tensor, Tensor]:
+        """Positions (N, 3) in meters and velocities (N, 3) in m/s after a ``part`` of a frame by gravity (3,) alone."""
+        seconds = part.seconds
         return (
-            self.positions + FRAME_TIME * self.velocities + free_fall(gravity),
-            self.velocities + FRAME_TIME * gravity,
+            self.positions + seconds * self.velocities + free_fall(gravity, part),
+            self.velocities + seconds * gravity,
         )
 
     def detach(self) -> ParticleState:
@@ -40,9 +57,9 @@ class ParticleState:
         return replace(self, **{name: value.detach() for name, value in vars(self).items()})
 
 
-def free_fall(gravity: Tensor) -> Tensor:
-    """Displacement of a frame of free fall from rest, meters: n (n + 1) / 2 Δt² g for n semi-implicit steps of Δt."""
-    return SUBSTEPS * (SUBSTEPS + 1) / 2 * SUBSTEP_TIME**2 * gravity
+def free_fall(gravity: Tensor, part: FramePart = WHOLE_FRAME) -> Tensor:
+    """Displacement in a free fall from rest, meters: n (n + 1) / 2 Δt² g for n semi-implicit substeps of Δt."""
+    return part.substeps * (part.substeps + 1) / 2 * (part.seconds / part.substeps) ** 2 * gravity
 
 
 def free_fall_lag(gravity: Tensor) -> Tensor:

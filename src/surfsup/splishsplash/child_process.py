@@ -10,10 +10,13 @@ from __future__ import annotations
 
 import os
 import sys
+from types import ModuleType
 
 import numpy as np
 
 from surfsup.splishsplash.library import load_solver
+
+VELOCITY_FILE = "velocities.npy"  # of each particle, beside the scene, where the velocities of a block differ
 
 
 def run(scene_file: str, frames: int, steps_per_frame: int, output: int) -> None:
@@ -34,6 +37,10 @@ def run(scene_file: str, frames: int, steps_per_frame: int, output: int) -> None
     fluid = solver.Simulation.getCurrent().getFluidModel(0)
     count = fluid.numActiveParticles()
     os.write(output, np.int64(count).tobytes())
+    velocities = os.path.join(os.path.dirname(scene_file), VELOCITY_FILE)
+    if os.path.exists(velocities):
+        order = np.array(fluid.getFieldBuffer("id"), copy=False)[:count]
+        np.array(fluid.getFieldBuffer("velocity"), copy=False)[:count] = np.load(velocities)[order]
     step = 0
 
     def send_frame() -> None:
@@ -43,9 +50,14 @@ def run(scene_file: str, frames: int, steps_per_frame: int, output: int) -> None
             values = np.array(fluid.getFieldBuffer(field), copy=False)[:count]
             write_all(output, values[order].astype(np.float32, copy=False).tobytes())
 
+    motion_file = os.path.join(os.path.dirname(scene_file), "motions.npy")
+    motions = np.load(motion_file, allow_pickle=False) if os.path.exists(motion_file) else []
+
     def after_step() -> None:
         nonlocal step
         step += 1
+        for table in motions:
+            place_solid(solver, int(table[0, 13]), table[step])
         if step % steps_per_frame == 0:
             send_frame()
         if step == (frames - 1) * steps_per_frame:
@@ -56,6 +68,16 @@ def run(scene_file: str, frames: int, steps_per_frame: int, output: int) -> None
         base.setTimeStepCB(after_step)
         base.runSimulation()
     base.cleanup()
+
+
+def place_solid(solver: ModuleType, boundary: int, row: np.ndarray) -> None:
+    """Give the solid of a boundary the pose and velocity of ``row``, see :mod:`surfsup.splishsplash.solid_motion`."""
+    solid = solver.Simulation.getCurrent().getBoundaryModel(boundary).getRigidBodyObject()
+    place, rotation, velocity, spin = np.split(row[:13].astype(np.float32), [3, 7, 10])
+    solid.setPosition(place)
+    solid.setRotation(rotation)
+    solid.setVelocity(velocity)
+    solid.setAngularVelocity(spin)
 
 
 def write_all(descriptor: int, data: bytes) -> None:

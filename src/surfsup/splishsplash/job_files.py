@@ -4,15 +4,20 @@ from __future__ import annotations
 
 import json
 import struct
+from collections.abc import Sequence
+from itertools import zip_longest
 from pathlib import Path
 
 import numpy as np
 
 from surfsup.scene import PARTICLE_RADIUS
+from surfsup.scene.strict_model import Vector
 from surfsup.sph.boundary.volume_map import VolumeMap
 from surfsup.sph.dfsph import VISCOSITY
 from surfsup.sph.state import SUBSTEP_TIME
+from surfsup.splishsplash.child_process import VELOCITY_FILE
 from surfsup.splishsplash.map_file import write_map
+from surfsup.splishsplash.solid_motion import MOTION_FILE, SolidMotion, write_motions
 
 BODY_FILE = "body.obj"  # the solver requires triangles for each body, but does not use them if there is a volume map
 
@@ -27,6 +32,7 @@ def solver_scene(
     fluid_files: list[str],
     velocities: list[tuple[float, float, float]],
     map_files: list[str],
+    motions: Sequence[SolidMotion | None] = (),
 ) -> dict[str, object]:
     """The scene file of SPlisHSPlasH: DFSPH, water, a fixed time step, boundary volume maps.
 
@@ -35,10 +41,18 @@ def solver_scene(
         fluid_files: particle files beside the scene file, one for each block of fluid.
         velocities: initial velocity of each block in m/s.
         map_files: volume maps beside the scene file, one for each boundary.
+        motions: of each boundary, None for one that stands still.
     """
     bodies = [
-        {"geometryFile": BODY_FILE, "isDynamic": False, "isWall": True, "mapInvert": False, "mapFile": file}
-        for file in map_files
+        {
+            "geometryFile": BODY_FILE,
+            "isDynamic": False,
+            "isWall": motion is None,
+            "mapInvert": False,
+            "mapFile": file,
+            **({} if motion is None else motion.start),
+        }
+        for file, motion in zip_longest(map_files, motions)
     ]
     return {
         "Configuration": {
@@ -75,9 +89,10 @@ def solver_scene(
 def write_job(
     folder: Path,
     gravity: tuple[float, float, float],
-    blocks: list[np.ndarray],
-    velocities: list[tuple[float, float, float]],
-    boundaries: list[VolumeMap],
+    blocks: Sequence[np.ndarray],
+    velocities: Sequence[Vector | np.ndarray],
+    boundaries: Sequence[VolumeMap],
+    motions: Sequence[SolidMotion | None] = (),
 ) -> Path:
     """Write the scene, the particles and the boundaries into ``folder``, which no other job uses.
 
@@ -85,8 +100,9 @@ def write_job(
         folder: an empty folder.
         gravity: m/s².
         blocks: positions (N, 3) of each block of fluid, meters.
-        velocities: of each block, m/s.
-        boundaries: volume maps.
+        velocities: of each block, or of each of its particles (N, 3), m/s.
+        boundaries: volume maps, those of solids that move in their own frames.
+        motions: of each boundary, None for one that stands still.
 
     Returns:
         The scene file's path.
@@ -98,8 +114,19 @@ def write_job(
     map_files = [f"boundary-{number}.cdm" for number in range(len(boundaries))]
     for file, boundary in zip(map_files, boundaries, strict=True):
         write_map(folder / file, boundary)
+    moving = {number: motion for number, motion in enumerate(motions) if motion is not None}
+    if moving:
+        write_motions(folder / MOTION_FILE, moving)
+    if any(np.ndim(velocity) == 2 for velocity in velocities):
+        each = [
+            np.broadcast_to(np.asarray(velocity, np.float32), positions.shape)
+            for velocity, positions in zip(velocities, blocks, strict=True)
+        ]
+        np.save(folder / VELOCITY_FILE, np.concatenate(each))
+        velocities = [(0.0, 0.0, 0.0)] * len(blocks)
+    common = [(float(x), float(y), float(z)) for x, y, z in velocities]
     path = folder / "scene.json"
-    path.write_text(json.dumps(solver_scene(gravity, fluid_files, velocities, map_files), indent=1))
+    path.write_text(json.dumps(solver_scene(gravity, fluid_files, common, map_files, motions), indent=1))
     return path
 
 

@@ -10,6 +10,7 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Generator
+from dataclasses import replace
 from pathlib import Path
 from typing import IO
 
@@ -17,10 +18,14 @@ import numpy as np
 
 from surfsup.errors import InputError, SimulationError
 from surfsup.scene import InitialParticles, Scene
+from surfsup.scene.solids import Solids, build_solids
 from surfsup.sdf import Surface
-from surfsup.sph.boundary.scene_boundaries import scene_volume_maps
+from surfsup.sph.boundary.scene_boundaries import exact_outside, scene_volume_maps, whole_map
+from surfsup.sph.boundary.volume_map import VolumeMap
+from surfsup.sph.interpolation import frames_needed, resample
 from surfsup.sph.state import SUBSTEPS
 from surfsup.splishsplash.job_files import write_job
+from surfsup.splishsplash.solid_motion import SolidMotion
 
 NAME = "SPlisHSPlasH 2.19 DFSPH"
 PIPE_SIZE = 1 << 20  # bytes of frames that the solver can be ahead of the reader
@@ -39,8 +44,8 @@ def simulate(
     """Run ``scene`` in SPlisHSPlasH and yield its frames as the solver makes them.
 
     Args:
-        scene: container, gravity and number of frames.
-        surface: the scene's solid; the solver gets its volume map.
+        scene: container, gravity, number and rate of frames, and the solids that move.
+        surface: the solid that stands still; the solver gets its volume map.
         start: the particles of frame 0.
         threads: of the solver.
 
@@ -52,15 +57,48 @@ def simulate(
         SolverError: the child process ended early.
         InputError: the solver or a library that it needs is not installed, or the surface is not near the container.
     """
-    maps = scene_volume_maps(scene, surface)
+    units = scene.units
+    solids = build_solids(scene) if scene.moves else Solids(surface)
+    solids = units.solids_to_solver(replace(solids, still=surface), scene.start_time)
+    solver_scene, start = units.scene_to_solver(scene), units.particles_to_solver(start)
+    interval = scene.frame_time / units.frame_time
+    frames = simulate_frames(solver_scene, solids, start, frames_needed(scene.frames, interval), threads)
+    with contextlib.closing(frames):
+        for frame in resample(frames, interval):
+            yield units.frame_from_solver(*frame)
+
+
+def simulate_frames(
+    scene: Scene, solids: Solids, start: InitialParticles, count: int, threads: int
+) -> Generator[Frame, None, None]:
+    """Run ``count`` frames of 5 ms of a scene in the units of the solver; see :func:`simulate`."""
+    maps, motions = boundaries_of(scene, solids, count)
     with tempfile.TemporaryDirectory(prefix="surfsup-") as folder, tempfile.TemporaryFile() as log:
-        scene_file = write_job(Path(folder), scene.gravity, start.block_positions, start.block_velocities, maps)
-        frames = run_child(scene_file, scene.frames, len(start.positions), threads, log)
+        scene_file = write_job(
+            Path(folder), scene.gravity, start.block_positions, start.block_velocities, maps, motions
+        )
+        frames = run_child(scene_file, count, len(start.positions), threads, log)
         with contextlib.closing(frames):
             for number, frame in enumerate(frames):
                 if number == 1:  # the solver has read all files by now; delete them before a kill can leave them behind
                     shutil.rmtree(folder)
                 yield frame
+
+
+def boundaries_of(scene: Scene, solids: Solids, frames: int) -> tuple[list[VolumeMap], list[SolidMotion | None]]:
+    """The volume maps of walls and solids, and how each moves in ``frames``: walls first, then what stands still.
+
+    Raises:
+        InputError: a surface is not near the container, or too large to move.
+    """
+    maps, motions = scene_volume_maps(scene, solids.still), []
+    if not scene.container.open:
+        motions.append(None if solids.container is None else SolidMotion.of(solids.container, frames))
+    motions += [None] * (len(maps) - len(motions))
+    for solid in solids.moving:
+        maps.append(whole_map(exact_outside(solid.surface), solid.name))
+        motions.append(SolidMotion.of(solid.pose, frames))
+    return maps, motions
 
 
 def check_installed() -> None:

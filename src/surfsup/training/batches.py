@@ -9,6 +9,7 @@ from types import TracebackType
 import numpy as np
 
 from surfsup.datasets.windows import WindowSource
+from surfsup.errors import InputError
 from surfsup.training.config import TrainingConfig
 from surfsup.training.objectives import Batch
 from surfsup.training.run import TrainingRun
@@ -88,16 +89,26 @@ def restore_rollouts(batch: Batch, run: TrainingRun, drawn: int, step: int) -> B
     """
     saved = run.saved_states.pop(drawn, [])
     if len(saved) == len(batch.windows):
-        states = run.objective.initial_states(batch, noise=0.0)
+        states = run.objective.true_states(batch)
         batch.states = [replace(state, **tensors) for state, tensors in zip(states, saved, strict=True)]
         batch.age = (step - drawn) // INTERLEAVED
     return batch
 
 
 def fit_normalizers(windows: WindowSource, run: TrainingRun) -> None:
-    """Measure the normalizers of a new model on windows of the training data."""
+    """Measure the normalizers of a new model on windows of the training data.
+
+    Raises:
+        InputError: the model has features of the surface, but none of the windows has a surface.
+    """
     config = run.config
     randoms = [np.random.default_rng([config.seed, config.steps, number]) for number in range(NORMALIZATION_WINDOWS)]
-    examples = (windows.sample(random, run.model.history_length, 1) for random in randoms)
+    examples = [windows.sample(random, run.model.history_length, 1) for random in randoms]
+    needs_surfaces = getattr(run.model, "surface_feature_count", 0) > 0
+    if needs_surfaces and all(window.environment.surface is None for window in examples):
+        raise InputError(
+            f"kind '{config.kind}' learns from the surfaces of scenes, but the training data has none; add scenes with "
+            "a surface, or train kind 'no-sdf'"
+        )
     run.objective.fit_normalizers(examples, randoms, config.phase(0).noise)
     run.average.load_state_dict(run.model.state_dict())

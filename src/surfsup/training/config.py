@@ -44,8 +44,12 @@ class Phase(BaseModel):
             to loss, without gradient between them, until it is that long.
         scene_starts: share of the windows that begin at the start of their scene, as a rollout does; they get no noise.
         noise: largest standard deviation of the noise on the initial state, meters.
+        noise_decades: powers of ten by which the noise of a window may be smaller; it is drawn log-uniformly.
+        handle_collisions: whether the model's own steps before a loss end with collision handling.
+        displaced: share of the windows in which a patch of water begins inside the solid or beyond a wall; only for
+            message-passing simulators.
         density: weight of the density term; only message-passing simulators have one.
-        small_errors: weight of the term for small errors; only the corrected simulator has one.
+        small_errors: weight of the term for small errors.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
@@ -54,6 +58,9 @@ class Phase(BaseModel):
     pushforward: NonNegativeInt = 0
     scene_starts: Share = 0.0
     noise: NonNegative = 1e-4
+    noise_decades: NonNegative = 2.0
+    handle_collisions: bool = True
+    displaced: Share = 0.0
     density: NonNegative = 0.0
     small_errors: NonNegative = 0.0
 
@@ -70,6 +77,7 @@ class TrainingConfig(OptimizationConfig):
         optimizer: Adam, or SOAP, which needs fewer steps and more time for each.
         precision: '32', or 'bf16' for the matrix products of a message-passing network.
         validation_scenes, validation_frames: number and length of the rollouts of a validation.
+        validation_collisions: whether these rollouts have collision handling.
         phases: the phases, in order.
     """
 
@@ -90,6 +98,7 @@ class TrainingConfig(OptimizationConfig):
     validate_every: Count = 4_000
     validation_scenes: Count = 5
     validation_frames: Count = 300
+    validation_collisions: bool = True
     phases: Annotated[list[Phase], Field(min_length=1)]
 
     @field_validator("kind")
@@ -121,9 +130,9 @@ class TrainingConfig(OptimizationConfig):
                 raise ValueError(f"kind '{self.kind}' has no named sizes; give 'width' and 'layers'")
             if self.precision != "32":
                 raise ValueError(f"kind '{self.kind}' computes in precision 32 only")
-        missing = "small_errors" if passes_messages else "density"
-        if any(getattr(phase, missing) > 0 for phase in self.phases):
-            raise ValueError(f"kind '{self.kind}' has no {missing} term; leave '{missing}' out of the phases")
+            for name in ("density", "displaced"):
+                if any(getattr(phase, name) > 0 for phase in self.phases):
+                    raise ValueError(f"'{name}' is not for kind '{self.kind}'; leave it out of the phases")
         _ = self.architecture  # raises ValueError where a size is out of range
         return self
 

@@ -11,7 +11,7 @@ from surfsup.evaluation.rollout import roll_out
 from surfsup.io.trajectory import Trajectory
 from surfsup.learned.base import LearnedSimulator
 from surfsup.sph.environment import Environment
-from surfsup.viewing.trajectory_pictures import trajectory_renderer
+from surfsup.viewing.trajectory_pictures import TrajectoryRenderer
 
 MOMENTS = 3
 SIZE = (480, 360)  # pixels of each picture
@@ -38,11 +38,11 @@ def draw_rollout(model: LearnedSimulator, path: Path, frames: int) -> np.ndarray
         for number, (state, _) in enumerate(roll_out(model, truth, environment, frames)):
             if number in chosen:
                 predicted[number] = state.positions.cpu().numpy()
-        renderer = trajectory_renderer(truth, SIZE)
+        renderer = TrajectoryRenderer(truth, SIZE)
         empty = np.empty((0, 3), np.float32)  # a diverged rollout leaves an empty picture
         rows = [
-            np.hstack([renderer.render(predicted.get(number, empty)) for number in chosen]),
-            np.hstack([renderer.render(truth.positions[number]) for number in chosen]),
+            np.hstack([renderer.render(number, predicted.get(number, empty)) for number in chosen]),
+            np.hstack([renderer.render(number) for number in chosen]),
         ]
         renderer.close()
     return np.vstack(rows)

@@ -35,6 +35,7 @@ class TrainingRun(Run[TrainingConfig, LearnedSimulator, Batch]):
             near the surface and away from it.
         training_domain: ranges of the training data so far, of the main process.
         active_batches: batches with unfinished rollouts, by the step at which they were drawn.
+        data_fingerprint: of the training data so far; None if it is not known or changes.
         saved_states: states of such rollouts in the checkpoint of a resumed run, for each window its tensors.
         has_initial_weights: whether the weights are still random.
     """
@@ -58,6 +59,7 @@ class TrainingRun(Run[TrainingConfig, LearnedSimulator, Batch]):
         self._objective_on_processes = self.fabric.setup_module(self.objective)
         self.window_errors: list[tuple[str, float, float, float]] = []
         self.training_domain: TrainingDomain | None = None
+        self.data_fingerprint: str | None = None
         self.active_batches: dict[int, Batch] = {}
         self.saved_states: dict[int, list[dict[str, Tensor]]] = {}
         self.has_initial_weights = True
@@ -128,6 +130,7 @@ class TrainingRun(Run[TrainingConfig, LearnedSimulator, Batch]):
         for drawn, states in (self.saved_states | active).items():
             for number, state in enumerate(states):
                 tensors |= {f"rollout.{drawn}.{number}.{name}": value for name, value in state.items()}
+        counters["data_fingerprint"] = self.data_fingerprint
         counters["training_domain"] = None if self.training_domain is None else asdict(self.training_domain)
         return tensors, counters
 
@@ -145,6 +148,7 @@ class TrainingRun(Run[TrainingConfig, LearnedSimulator, Batch]):
             window[key] = value.to(self.fabric.device)
         if self.is_main_process:  # the other processes have other windows, whose states were not saved
             self.saved_states = {drawn: [of[number] for number in sorted(of)] for drawn, of in states.items()}
+        self.data_fingerprint = counters.get("data_fingerprint")
         domain = counters["training_domain"]
         self.training_domain = None if domain is None else TrainingDomain.from_json(domain)
         self.has_initial_weights = False

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable
 from pathlib import Path
 from typing import Protocol
@@ -49,6 +50,7 @@ def train(
         Diverged: the loss or its gradient is not finite; the last checkpoint is kept.
     """
     check_validation(validation, run.config.validation_scenes)
+    start_with_data(run, windows)
     if run.has_initial_weights:
         fit_normalizers(windows, run)
 
@@ -67,3 +69,16 @@ def train(
 
     with Batches(windows, run) as batches:
         optimize(run, batches.at, validate, stop, observe)
+
+
+def start_with_data(run: TrainingRun, windows: WindowSource) -> None:
+    """Record the training data. If that of a resumed run has changed, warn, and start the rollouts of its batches anew.
+
+    The saved states of these rollouts belong to windows that are drawn again, now from other scenes.
+    """
+    before, now = run.data_fingerprint, windows.fingerprint
+    if before is None or now != before:
+        run.saved_states = {}
+    if before is not None and now is not None and now != before:
+        warnings.warn(f"{run.folder}: the training data has changed; the run continues with the new data", stacklevel=3)
+    run.data_fingerprint = now

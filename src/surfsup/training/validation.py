@@ -33,7 +33,12 @@ def keep_best(run: TrainingRun, folder: Path, stop: Callable[[], bool]) -> Valid
     """
     config, scores_of_scenes = run.config, []
     for one in score_rollouts(
-        run.average, folder, config.validation_scenes, config.validation_frames, run.fabric.device
+        run.average,
+        folder,
+        config.validation_scenes,
+        config.validation_frames,
+        run.fabric.device,
+        config.validation_collisions,
     ):
         scores_of_scenes.append(one)
         if stop():

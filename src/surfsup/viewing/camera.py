@@ -4,10 +4,20 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from surfsup.scene import PARTICLE_RADIUS
+
 FIELD_OF_VIEW = 26.0  # degrees, vertical; a long lens with little perspective distortion
 _VIEW_DIRECTION = np.array([0.50, -0.86, 0.40])  # towards the camera: from the front right, looking down by 22 degrees
 _MARGIN = 1.03
 _HEADROOM = 0.06  # meters above the highest point of interest
+
+
+def picture_scale(container_size: tuple[float, float, float], particle_radius: float) -> float:
+    """Factor of all lengths of a scene in its pictures, whose light, shadows and margins suit a container of 1 m.
+
+    Scenes with particles of another radius than the standard one are drawn at that size.
+    """
+    return 1.0 if particle_radius == PARTICLE_RADIUS else 1.0 / max(container_size[:2])
 
 
 @dataclass(frozen=True)

@@ -7,9 +7,10 @@ import numpy as np
 import trimesh
 
 from surfsup.viewing import lighting
-from surfsup.viewing.camera import Camera, fit_camera
+from surfsup.viewing.camera import Camera, fit_camera, picture_scale
+from surfsup.viewing.moving_mesh import container_corners
 from surfsup.viewing.rasterizer import Rasterizer
-from surfsup.viewing.static_scene import StaticScene, clipping_range
+from surfsup.viewing.static_scene import FULL_LIGHT, MOVING_LIGHT, Light, StaticScene, clipping_range
 from surfsup.viewing.water import light_space_axes, reconstruct_surface, shade_water, water_shadow, water_thickness
 
 if TYPE_CHECKING:
@@ -27,6 +28,7 @@ class FrameRenderer:
         solid: the mesh of the solid, meters, or None.
         container_size: (x, y, z), meters; x and y are centered on 0, the floor is at z = 0.
         particle_radius: half the particle spacing, meters.
+        bounds: corners (2, 3) of a box that solids which move stay in, meters, or None.
         focus: points (N, 3) to show beside solid and floor, for instance the particles of frame 0; or None.
         size: (width, height) of the picture in pixels.
 
@@ -41,24 +43,41 @@ class FrameRenderer:
         particle_radius: float,
         focus: np.ndarray | None = None,
         size: tuple[int, int] = (960, 720),
+        bounds: np.ndarray | None = None,
     ) -> None:
-        self._radius = particle_radius
+        self._scale = picture_scale(container_size, particle_radius)
+        x, y, z = (self._scale * side for side in container_size)
+        self._radius, self._container_size = self._scale * particle_radius, (x, y, z)
+        focus = None if focus is None else self._scale * focus
         render_size = (size[0] * _SUPERSAMPLING, size[1] * _SUPERSAMPLING)
-        bounds = np.asarray(solid.bounds) if solid is not None else None
-        self._camera = fit_camera(container_size, bounds, focus, render_size)
+        if bounds is None and solid is not None:
+            bounds = np.asarray(solid.bounds)
+        bounds = None if bounds is None else self._scale * bounds
+        self._camera = fit_camera(self._container_size, bounds, focus, render_size)
         self._rasterizer = Rasterizer(render_size)
-        self._static = StaticScene(solid, self._camera, self._rasterizer)
-        self._rays = self._camera.rays()
-        self._edges = _container_edges(container_size, self._camera)
+        self._rays, self._draws_edges = self._camera.rays(), True
+        self.set_solid(solid, container_corners(container_size, {}, 0), FULL_LIGHT)
+
+    def set_solid(self, solid: trimesh.Trimesh | None, corners: np.ndarray, light: Light = MOVING_LIGHT) -> None:
+        """Draw ``solid`` and a container with ``corners`` (8, 3) in meters from now on."""
+        if self._scale != 1 and solid is not None:
+            solid = solid.copy().apply_scale(self._scale)
+        corners = self._scale * corners
+        self._static = StaticScene(solid, self._camera, self._rasterizer, light)
+        self._edges = _container_edges(corners, self._camera)
         # Water casts shadows on the solid and on the floor, up to the reach of a low sun. Shadows are soft, so one
         # point for each pixel of the picture is enough.
         depth = self._static.depth[::_SUPERSAMPLING, ::_SUPERSAMPLING]
         finite = np.isfinite(depth)
         rays = self._rays[::_SUPERSAMPLING, ::_SUPERSAMPLING]
         points = self._camera.eye.astype(np.float32) + np.where(finite, depth, 0.0)[..., None] * rays
-        self._receives_shadow = finite & (np.abs(points[..., :2]).max(-1) < 2.0 * max(container_size))
+        self._receives_shadow = finite & (np.abs(points[..., :2]).max(-1) < 2.0 * max(self._container_size))
         self._shadow_points = points[self._receives_shadow] @ light_space_axes().T
         self._rasterizer.set_perspective(self._camera, *clipping_range(self._camera))
+
+    def omit_edges(self) -> None:
+        """Draw no edges of the container, which is open."""
+        self._draws_edges = False
 
     def render(self, positions: np.ndarray) -> np.ndarray:
         """The picture (height, width, 3) uint8 of particles at ``positions`` (N, 3), meters.
@@ -66,7 +85,7 @@ class FrameRenderer:
         Particles with a non-finite position are left out.
         """
         positions = np.asarray(positions, np.float32)
-        positions = positions[np.isfinite(positions).all(1)]
+        positions = self._scale * positions[np.isfinite(positions).all(1)]
         picture, depth = self._static.radiance.copy(), self._static.depth
         light = np.ones(self._receives_shadow.shape, np.float32)
         light[self._receives_shadow] = water_shadow(positions, self._radius, self._shadow_points)
@@ -75,7 +94,8 @@ class FrameRenderer:
         surface = reconstruct_surface(positions, self._radius)
         if surface.n_points:
             picture, depth = self._add_water(surface, positions, picture)
-        self._edges.draw(picture, depth)
+        if self._draws_edges:
+            self._edges.draw(picture, depth)
         width, height = self._camera.size
         shape = (height // _SUPERSAMPLING, _SUPERSAMPLING, width // _SUPERSAMPLING, _SUPERSAMPLING, 3)
         return lighting.tone_map(picture.reshape(shape).mean((1, 3)))
@@ -119,12 +139,9 @@ class _Edges:
         picture[rows, columns] += opacity * (_EDGE_COLOR - picture[rows, columns])
 
 
-def _container_edges(container_size: tuple[float, float, float], camera: Camera) -> _Edges:
-    """The pixels on the container's twelve edges."""
-    x, y, z = container_size
-    corners = np.array(
-        [[sx * x / 2, sy * y / 2, h] for h in (0.0, z) for sx, sy in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
-    )
+def _container_edges(corners: np.ndarray, camera: Camera) -> _Edges:
+    """The pixels on the twelve edges of a container with ``corners`` (8, 3)."""
+    z = float(corners[:, 2].max())
     pairs = [(i, (i + 1) % 4) for i in range(4)]
     pairs += [(a + 4, b + 4) for a, b in pairs] + [(i, i + 4) for i in range(4)]
     width, height = camera.size

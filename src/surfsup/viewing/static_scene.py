@@ -6,6 +6,7 @@ Many directions give ambient occlusion and soft shadows. Irradiance is computed 
 the floor, not per pixel.
 """
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -21,12 +22,9 @@ if TYPE_CHECKING:
 
 _SOLID_ALBEDO = np.array([0.74, 0.38, 0.21], np.float32)  # warm and matte, as a contrast to water
 _BACKDROP_TOP = np.array([0.70, 0.79, 0.88], np.float32)
-_SKY_SAMPLES = 44
-_SUN_SAMPLES = 12
 _SKY_SHARE = 0.55
 _SUN_SHARE = 0.72
 _BOUNCE_SHARE = 0.30
-_SHADOW_MAP_SIZE = (800, 800)  # pixels
 _MAX_EDGE = 0.02  # meters; longer edges are split so that a shadow can end inside a triangle
 _MAX_FACES = 400_000
 _FLOOR_REACH = 1.4  # meters from the center; solids of the usual size cast no shadow beyond it
@@ -34,6 +32,24 @@ _FLOOR_MARGIN = 0.4  # meters around a larger solid
 _FLOOR_CELLS = 320
 _BIAS = 0.006  # meters; keeps a surface from shadowing itself
 _OPEN_SKY = np.float32(1.18)  # irradiance of the floor without any shadow
+
+
+@dataclass(frozen=True)
+class Light:
+    """How finely shadows are computed.
+
+    Attributes:
+        sky_samples, sun_samples: directions of light from the sky and from the sun.
+        map_size: of a shadow map, pixels.
+    """
+
+    sky_samples: int
+    sun_samples: int
+    map_size: tuple[int, int]
+
+
+FULL_LIGHT = Light(44, 12, (800, 800))
+MOVING_LIGHT = Light(16, 8, (400, 400))  # of a frame among many, whose solids are elsewhere in the next
 
 
 class StaticScene:
@@ -44,12 +60,14 @@ class StaticScene:
         depth: (H, W) float32, meters along the view, infinite in the backdrop.
     """
 
-    def __init__(self, solid: trimesh.Trimesh | None, camera: Camera, rasterizer: Rasterizer) -> None:
+    def __init__(
+        self, solid: trimesh.Trimesh | None, camera: Camera, rasterizer: Rasterizer, light: Light = FULL_LIGHT
+    ) -> None:
         if solid is None:
             self.radiance, self.depth = _render_floor(camera, None)
             return
         mesh = _refine_mesh(solid)
-        shadows = _ShadowMaps(mesh)
+        shadows = _ShadowMaps(mesh, light)
         self.radiance, self.depth = _render_floor(camera, shadows)
         normals = np.asarray(mesh.point_data["Normals"])
         colors = lighting.tone_map(_SOLID_ALBEDO * shadows.irradiance(np.asarray(mesh.points), normals))
@@ -86,15 +104,15 @@ def _refine_mesh(solid: trimesh.Trimesh) -> "pyvista.PolyData":
 class _ShadowMaps:
     """Shadow maps of one solid, one for each direction of light."""
 
-    def __init__(self, mesh: "pyvista.PolyData") -> None:
-        rasterizer = Rasterizer(_SHADOW_MAP_SIZE)
+    def __init__(self, mesh: "pyvista.PolyData", light: Light) -> None:
+        rasterizer = Rasterizer(light.map_size)
         low, high = np.array(mesh.bounds)[0::2], np.array(mesh.bounds)[1::2]
         center, half = (low + high) / 2, float(np.linalg.norm(high - low)) / 2 * 1.02
         rasterizer.set_mesh(mesh)
-        sky, sun = lighting.sky_directions(_SKY_SAMPLES), lighting.sun_directions(_SUN_SAMPLES)
+        sky, sun = lighting.sky_directions(light.sky_samples), lighting.sun_directions(light.sun_samples)
         colors = [
-            *(lighting.sky_radiance(sky) * (2.0 * _SKY_SHARE / _SKY_SAMPLES)),
-            *np.tile(lighting.SUN_COLOR * (_SUN_SHARE / _SUN_SAMPLES), (_SUN_SAMPLES, 1)),
+            *(lighting.sky_radiance(sky) * (2.0 * _SKY_SHARE / light.sky_samples)),
+            *np.tile(lighting.SUN_COLOR * (_SUN_SHARE / light.sun_samples), (light.sun_samples, 1)),
         ]
         self._maps = []
         for direction, color in zip(np.concatenate([sky, sun]).astype(np.float32), colors, strict=True):

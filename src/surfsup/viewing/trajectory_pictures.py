@@ -12,13 +12,17 @@ from PIL import Image
 from surfsup.errors import InputError
 from surfsup.io.atomic_file import atomic_file
 from surfsup.io.trajectory import Trajectory
-from surfsup.scene import FRAME_TIME, PARTICLE_RADIUS, Scene
+from surfsup.scene import Scene
+from surfsup.scene.solids import CONTAINER, build_solids
 from surfsup.viewing.label import label
+from surfsup.viewing.moving_mesh import MovingMesh, at_frame, bounds_of, container_corners
 from surfsup.viewing.renderer import FrameRenderer
+from surfsup.viewing.static_scene import FULL_LIGHT, MOVING_LIGHT, Light
 from surfsup.viewing.video import choose_frames, write_video
 from surfsup.viewing.web_player import write_web_player
 
 SOLID_RESOLUTION = 160  # cells of marching cubes
+MOVING_RESOLUTION = 96  # the same for solids that move, whose shadows every picture needs anew
 SINGLE_SIZE, PAIR_SIZE = (960, 720), (640, 480)  # pixels of a single picture and of each of two side by side
 
 Progress = Callable[[int, int], None]  # numbers of finished and of all frames
@@ -30,24 +34,67 @@ def scene_mesh(scene: Scene) -> trimesh.Trimesh | None:
     return None if surface is None else surface.to_mesh(SOLID_RESOLUTION)
 
 
-def trajectory_renderer(trajectory: Trajectory, size: tuple[int, int] = SINGLE_SIZE) -> FrameRenderer:
-    """A renderer for pictures of ``size`` (width, height) whose camera shows the solid and the water of frame 0."""
-    scene = trajectory.scene
-    return FrameRenderer(scene_mesh(scene), scene.container.size, PARTICLE_RADIUS, trajectory.positions[0], size)
+class TrajectoryRenderer:
+    """Renders frames of a trajectory; the camera shows the solids and the water of frame 0.
+
+    Args:
+        trajectory: an open trajectory.
+        size: (width, height) of the pictures in pixels.
+
+    Raises:
+        InputError: this machine cannot render off screen.
+    """
+
+    def __init__(self, trajectory: Trajectory, size: tuple[int, int] = SINGLE_SIZE) -> None:
+        self._trajectory, self._size = trajectory, trajectory.scene.container.size
+        self._still, self._moving = trajectory_meshes(trajectory)
+        first = None if trajectory.poses else self._still  # what moves is drawn anew for each frame
+        bounds = bounds_of(self._still, self._moving)
+        self._renderer = FrameRenderer(first, self._size, trajectory.radius, trajectory.positions[0], size, bounds)
+        if trajectory.scene.container.open:
+            self._renderer.omit_edges()
+
+    def render(self, frame: int, positions: np.ndarray | None = None, light: Light = MOVING_LIGHT) -> np.ndarray:
+        """The picture (height, width, 3) uint8 of a frame, with its own particles or those at ``positions`` (N, 3).
+
+        The ``light`` is that of a scene in which something moves; what stands still has shadows at their finest.
+        """
+        poses = self._trajectory.poses
+        if poses:
+            solid = at_frame(self._still, self._moving, frame)
+            self._renderer.set_solid(solid, container_corners(self._size, poses, frame), light)
+        return self._renderer.render(self._trajectory.positions[frame] if positions is None else positions)
+
+    def close(self) -> None:
+        """Free the off-screen window."""
+        self._renderer.close()
+
+
+def trajectory_meshes(trajectory: Trajectory) -> tuple[trimesh.Trimesh | None, list[MovingMesh]]:
+    """The triangles of what stands still in a trajectory, None without any, and the meshes that move."""
+    solids = build_solids(trajectory.scene, list(trajectory.poses))
+    still = None if solids.still is None else solids.still.to_mesh(SOLID_RESOLUTION)
+    moving = [
+        MovingMesh(solid.surface.to_mesh(MOVING_RESOLUTION), trajectory.poses[solid.name]) for solid in solids.moving
+    ]
+    return still, moving
 
 
 def write_trajectory_page(file: Path, page: Path, progress: Progress) -> Path:
     """Write the page that plays the trajectory in ``file``; returns the path of the page."""
     with Trajectory(file) as trajectory:
-        scene = trajectory.scene
+        still, moving = trajectory_meshes(trajectory)
         write_web_player(
             page,
             trajectory.positions[:],
-            scene_mesh(scene),
-            scene.container.size,
-            PARTICLE_RADIUS,
-            FRAME_TIME,
+            still,
+            trajectory.scene.container.size,
+            trajectory.radius,
+            trajectory.frame_time,
             progress,
+            moving,
+            trajectory.poses.get(CONTAINER),
+            trajectory.scene.container.open,
         )
     return page
 
@@ -55,9 +102,9 @@ def write_trajectory_page(file: Path, page: Path, progress: Progress) -> Path:
 def write_trajectory_video(file: Path, video: Path, progress: Progress) -> Path:
     """Render the trajectory in ``file`` as a video; returns the path of the video."""
     with Trajectory(file) as trajectory:
-        renderer = trajectory_renderer(trajectory)
-        chosen = choose_frames(len(trajectory), FRAME_TIME)
-        images = (renderer.render(trajectory.positions[frame]) for frame in chosen)
+        renderer = TrajectoryRenderer(trajectory)
+        chosen = choose_frames(len(trajectory), trajectory.frame_time)
+        images = (renderer.render(frame) for frame in chosen)
         write_video(video, images, progress=progress, total=len(chosen))
         renderer.close()
     return video
@@ -69,11 +116,11 @@ def write_comparison_video(left: Path, right: Path, labels: tuple[str, str], vid
     Light and camera are those of the scene on the right. Returns the path of the video.
     """
     with Trajectory(left) as left_trajectory, Trajectory(right) as right_trajectory:
-        renderer = trajectory_renderer(right_trajectory, PAIR_SIZE)
+        renderer = TrajectoryRenderer(right_trajectory, PAIR_SIZE)
         pair = tuple(zip((left_trajectory, right_trajectory), labels, strict=True))
-        chosen = choose_frames(min(len(left_trajectory), len(right_trajectory)), FRAME_TIME)
+        chosen = choose_frames(min(len(left_trajectory), len(right_trajectory)), right_trajectory.frame_time)
         images = (
-            np.hstack([label(renderer.render(trajectory.positions[frame]), text) for trajectory, text in pair])
+            np.hstack([label(renderer.render(frame, trajectory.positions[frame]), text) for trajectory, text in pair])
             for frame in chosen
         )
         write_video(video, images, progress=progress, total=len(chosen))
@@ -90,8 +137,8 @@ def write_frame_picture(file: Path, picture: Path, frame: int) -> Path:
     with Trajectory(file) as trajectory:
         if frame >= len(trajectory):
             raise InputError(f"{file}: has the frames 0 to {len(trajectory) - 1}, not {frame}")
-        renderer = trajectory_renderer(trajectory)
-        image = renderer.render(trajectory.positions[frame])
+        renderer = TrajectoryRenderer(trajectory)
+        image = renderer.render(frame, light=FULL_LIGHT)
         renderer.close()
     with atomic_file(picture) as partial:
         Image.fromarray(image).save(partial, format="PNG")

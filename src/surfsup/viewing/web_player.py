@@ -7,15 +7,16 @@ instead of water, and has 2 MB of code before the first particle.
 import base64
 import gzip
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from importlib.resources import files
 from pathlib import Path
 
 import numpy as np
 import trimesh
 
-from surfsup.viewing.camera import FIELD_OF_VIEW, fit_camera
+from surfsup.viewing.camera import FIELD_OF_VIEW, fit_camera, picture_scale
 from surfsup.viewing.html_page import write_html
+from surfsup.viewing.moving_mesh import MovingMesh, bounds_of
 
 _MAX_BYTES = 10_000_000  # of positions before compression, which halves them
 _MAX_PARTICLES = 40_000
@@ -31,6 +32,9 @@ def write_web_player(
     particle_radius: float,
     frame_time: float = 0.005,
     progress: Callable[[int, int], None] = lambda done, total: None,
+    moving: Sequence[MovingMesh] = (),
+    container_poses: np.ndarray | None = None,
+    is_open: bool = False,
 ) -> None:
     """Write the page that plays ``positions`` at ``path``.
 
@@ -45,6 +49,9 @@ def write_web_player(
         particle_radius: half the particle spacing, meters.
         frame_time: seconds.
         progress: called with the numbers of finished and of all frames.
+        moving: the solids that move.
+        container_poses: (frames, 7) of a container that moves.
+        is_open: whether the container has no walls; then its edges are not drawn.
 
     Raises:
         ValueError: ``positions`` has another shape, or no frames or particles.
@@ -52,23 +59,31 @@ def write_web_player(
     positions = np.asarray(positions)
     if positions.ndim != 3 or positions.shape[2] != 3 or 0 in positions.shape:
         raise ValueError(f"positions must be (frames, particles, 3), none of them 0; they are {positions.shape}")
+    scale = picture_scale(container_size, particle_radius)
     positions, stride = _subsample(positions)
+    if scale != 1:
+        positions = scale * positions
+        solid = solid.copy().apply_scale(scale) if solid is not None else None
+        container_size = (scale * container_size[0], scale * container_size[1], scale * container_size[2])
     differences, low, extent = _quantize(positions, progress)
     mesh = _simplify(solid) if solid is not None else trimesh.Trimesh()
-    bounds = np.asarray(mesh.bounds) if len(mesh.faces) else None
+    bodies = [_simplify(body.mesh) for body in moving]
+    poses = [body.poses for body in moving] + ([] if container_poses is None else [container_poses])
+    bounds = bounds_of(mesh if len(mesh.faces) else None, moving)
     camera = fit_camera(container_size, bounds, positions[0], _VIEW_SIZE)
     header = {
         "frames": len(positions), "particles": positions.shape[1], "frameTime": frame_time * stride,
-        "radius": particle_radius, "container": list(map(float, container_size)),
+        "radius": scale * particle_radius, "scale": scale, "container": list(map(float, container_size)),
         "low": low.tolist(), "extent": extent.tolist(),
         "vertices": len(mesh.vertices), "faces": len(mesh.faces),
+        "moving": [{"vertices": len(body.vertices), "faces": len(body.faces)} for body in bodies],
+        "containerMoves": container_poses is not None, "open": is_open,
         "eye": camera.eye.tolist(), "target": camera.target.tolist(),
         "fov": FIELD_OF_VIEW, "aspect": _VIEW_SIZE[0] / _VIEW_SIZE[1],
     }  # fmt: skip
     body = b"".join([
-        np.asarray(mesh.faces, "<u4").tobytes(),
-        np.asarray(mesh.vertices, "<f4").tobytes(),
-        np.asarray(mesh.vertex_normals if len(mesh.faces) else [], "<f4").tobytes(),
+        *(_mesh_bytes(part) for part in (mesh, *bodies)),
+        *(np.asarray(path[: len(positions) * stride : stride], "<f4").tobytes() for path in poses),
         differences.tobytes(),
     ])  # fmt: skip
     pages = files("surfsup.viewing") / "pages"
@@ -80,6 +95,15 @@ def write_web_player(
         "DATA": base64.b64encode(gzip.compress(body, 6, mtime=0)).decode(),
     }
     write_html(path, pages / "player.html", values)
+
+
+def _mesh_bytes(mesh: trimesh.Trimesh) -> bytes:
+    """Faces, vertices and normals of a mesh as the page reads them."""
+    normals = mesh.vertex_normals if len(mesh.faces) else []
+    return b"".join(
+        np.asarray(values, kind).tobytes()
+        for values, kind in ((mesh.faces, "<u4"), (mesh.vertices, "<f4"), (normals, "<f4"))
+    )
 
 
 def _subsample(positions: np.ndarray) -> tuple[np.ndarray, int]:

@@ -72,7 +72,7 @@ def test_the_number_of_frames_is_part_of_the_identity(tmp_path):
     with Trajectory(path) as trajectory:
         assert len(trajectory) == 3
     assert yaml.safe_load((tmp_path / "dataset.yaml").read_text())["frames"] == 3
-    with pytest.raises(InputError, match=r"holds recipe 'tiny' of seed 0, 3 frames; take another folder for"):
+    with pytest.raises(InputError, match=r"holds scenes of 3 frames; give --frames 3, or take another folder"):
         generate("tiny", tmp_path, 1)
 
 

@@ -11,6 +11,7 @@ from surfsup.datasets.generation.physical_check import (
     UnphysicalError,
 )
 from surfsup.scene import FRAME_TIME, Scene
+from surfsup.scene.solids import build_solids
 from surfsup.sdf import Sphere, Surface
 
 SCENE = Scene.from_yaml(
@@ -34,7 +35,7 @@ def message_of(positions: np.ndarray, velocities: np.ndarray) -> str | None:
     """What is found, which must not depend on how many frames are looked at chunk."""
     found = set()
     for chunk in (1, 7, FRAMES):
-        check = PhysicalCheck(SCENE, SCENE.build_surface())
+        check = PhysicalCheck(SCENE, build_solids(SCENE))
         try:
             for first in range(0, FRAMES, chunk):
                 check.check(positions[first : first + chunk], velocities[first : first + chunk])

@@ -1,8 +1,11 @@
+"""The network in torch; test_native_layers.py has the same in C++."""
+
 import pytest
 import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from surfsup import native
 from surfsup.learned.message_passing.graph import EdgeGraph, batch_graphs, build_graph
 from surfsup.learned.message_passing.network import MessagePassingNetwork
 from surfsup.sph.neighbor_search import NeighborList, find_neighbors
@@ -25,7 +28,8 @@ def water(count: int, seed: int = 0, dtype=torch.float32) -> tuple[torch.Tensor,
     return features, build_graph(positions, find_neighbors(positions, 0.4), 0.4)
 
 
-def test_the_network_equals_plain_torch_at_the_size_of_the_paper():
+def test_the_network_equals_plain_torch_at_the_size_of_the_paper(monkeypatch):
+    monkeypatch.setattr(native, "instruction_sets", list)
     model = network(width=128, layers=10)
     features, graph = water(300)
     with torch.no_grad():
@@ -41,7 +45,8 @@ def test_the_network_equals_plain_torch_at_any_size(count, width, layers, seed):
 
 
 @pytest.mark.parametrize(("dtype", "tolerance"), [(torch.float64, 1e-9), (torch.float32, 1e-3)])
-def test_gradients_equal_those_of_plain_torch(dtype, tolerance):
+def test_gradients_equal_those_of_plain_torch(monkeypatch, dtype, tolerance):
+    monkeypatch.setattr(native, "instruction_sets", list)
     model = network(dtype=dtype)
     features, graph = water(50, dtype=dtype)
     features.requires_grad_()
@@ -85,7 +90,9 @@ def test_a_batch_of_graphs_gives_the_outputs_of_each_graph_alone():
 
 
 @pytest.mark.parametrize("count", [1, 3])
-def test_isolated_particles_have_no_edges(count):
+@pytest.mark.parametrize("instruction_sets", [native.instruction_sets, list])
+def test_isolated_particles_have_no_edges(monkeypatch, instruction_sets, count):
+    monkeypatch.setattr(native, "instruction_sets", instruction_sets)
     model, positions = network(), torch.arange(count)[:, None] * torch.ones(3)
     graph = build_graph(positions, find_neighbors(positions, 0.5), 0.5)
     out = model(torch.randn(count, 5), graph)
@@ -93,7 +100,8 @@ def test_isolated_particles_have_no_edges(count):
     out.sum().backward()
 
 
-def test_bf16_is_close_and_gives_full_precision_gradients():
+def test_bf16_is_close_and_gives_full_precision_gradients(monkeypatch):
+    monkeypatch.setattr(native, "instruction_sets", list)
     model = network(width=64, layers=5)
     features, graph = water(200)
     exact = model(features, graph)

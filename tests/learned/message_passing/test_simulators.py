@@ -52,16 +52,47 @@ def test_the_order_of_particles_does_not_matter(kind):
 
 
 PINNED = {
-    "surfsup": [1.1658841, 0.7060784, -2.8615203, 1.1383523, 0.6163803, -2.7333502, 1.1642656, 0.70988, -2.8641672],
-    "value-only": [1.1652752, 0.6935974, -2.8469083, 1.1059872, 0.5227475, -2.595932, 1.1706856, 0.565266, -2.7083348],
-    "no-sdf": [1.1441823, 0.435029, -2.5357097, 1.1057504, 0.4692918, -2.5357195, 1.1720763, 0.5547171, -2.69789],
-    "gns": [1.1651136, 0.4033604, -2.5211099, 1.1684107, 0.4377821, -2.563027, 1.1304502, 0.62969, -2.740381],
+    ("surfsup", 2): [
+        1.1658845,
+        0.7060685,
+        -2.8615097,
+        1.1383538,
+        0.6163291,
+        -2.7332942,
+        1.164011,
+        0.7094064,
+        -2.8633812,
+    ],
+    ("surfsup", 1): [
+        1.1658841,
+        0.7060784,
+        -2.8615203,
+        1.1383523,
+        0.6163803,
+        -2.7333502,
+        1.1642656,
+        0.70988,
+        -2.8641672,
+    ],
+    ("value-only", 2): [
+        1.1652752,
+        0.6935974,
+        -2.8469083,
+        1.1059872,
+        0.5227475,
+        -2.595932,
+        1.1706856,
+        0.565266,
+        -2.7083348,
+    ],
+    ("no-sdf", 2): [1.1441823, 0.435029, -2.5357097, 1.1057504, 0.4692918, -2.5357195, 1.1720763, 0.5547171, -2.69789],
+    ("gns", 2): [1.1651136, 0.4033604, -2.5211099, 1.1684107, 0.4377821, -2.563027, 1.1304502, 0.62969, -2.740381],
 }
 
 
-@kinds
-def test_outputs_equal_the_recorded_ones(kind):
-    simulator = make_simulator(kind, dtype=torch.float64)
+@pytest.mark.parametrize(("kind", "features"), PINNED)
+def test_outputs_equal_the_recorded_ones(kind, features):
+    simulator = make_simulator(kind, dtype=torch.float64, features=features)
     # The weights follow a formula: random numbers may change between versions of torch.
     with torch.no_grad():
         for number, parameter in enumerate(simulator.parameters()):
@@ -77,7 +108,9 @@ def test_outputs_equal_the_recorded_ones(kind):
             torch.cartesian_prod(*[torch.arange(3) * 0.05] * 3) + torch.tensor([0, 0, 0.4])
         )
     out = predict(simulator, state, make_environment(ball(torch.float64), torch.float64))
-    torch.testing.assert_close(out[[0, 3, 7], :].flatten(), torch.tensor(PINNED[kind]).double(), atol=1e-6, rtol=1e-6)
+    torch.testing.assert_close(
+        out[[0, 3, 7], :].flatten(), torch.tensor(PINNED[kind, features]).double(), atol=1e-6, rtol=1e-6
+    )
 
 
 def test_node_features_of_surfsup_are_displacements_walls_distance_and_gradient():
@@ -88,11 +121,36 @@ def test_node_features_of_surfsup_are_displacements_walls_distance_and_gradient(
     expected = torch.zeros(2, 22)
     expected[0, 0], expected[0, 2] = 1.0, -1.0
     expected[:, 12:18] = 1.0
-    expected[1, 15] = 0.01 / 0.045
+    expected[0, 16] = 1.0
+    expected[1, 15], expected[1, 17] = 0.01 / 0.18, 0.1 / 0.18
     expected[0, 18:] = torch.tensor([0.045 / 0.09, 0, 0, 1])
     expected[1, 18] = 2.0
-    expected[1, 19:] = ball().distance_and_normal(state.positions)[1][1]
     torch.testing.assert_close(features, expected, atol=1e-5, rtol=0)
+
+
+def test_node_features_of_version_1_have_walls_up_to_the_radius_and_the_gradient_everywhere():
+    simulator = make_simulator("surfsup", radius=0.045, features=1)
+    state = History(torch.tensor([[0.1, 0.05, 0.545], [0.49, 0.0, 1.9]]), torch.zeros(2, 3), torch.zeros(2, 4, 3))
+    features = simulator.network_input(state, make_environment(ball())).node_features
+    assert (features[:, 12:15] == 1).all() and (features[:, 16:18] == 1).all()
+    assert float(features[1, 15]) == pytest.approx(0.01 / 0.045, abs=1e-5)
+    torch.testing.assert_close(features[:, 19:], ball().distance_and_normal(state.positions)[1])
+
+
+def test_the_gradient_fades_between_the_near_distance_and_the_largest_one():
+    positions = torch.tensor([[0.1, 0.05, 0.5 + height] for height in (-0.1, 0.05, 0.09, 0.135, 0.18, 0.9)])
+    state = History(positions, torch.zeros(6, 3), torch.zeros(6, 4, 3))
+    features = make_simulator("surfsup").network_input(state, make_environment(ball())).node_features
+    torch.testing.assert_close(features[:, 21], torch.tensor([1, 1, 1, 0.5, 0, 0]), atol=1e-5, rtol=0)
+
+
+def test_a_surface_far_away_gives_the_features_of_no_surface():
+    state = water(low=0.9)
+    far, without = (
+        make_simulator("surfsup").network_input(state, make_environment(surface)).node_features
+        for surface in (ball(), None)
+    )
+    assert torch.equal(far, without)
 
 
 def test_without_a_surface_the_distance_is_the_maximum():
@@ -266,6 +324,7 @@ def test_the_gradient_in_a_shape_parameter_equals_finite_differences():
         {"radius": math.nan},
         {"width": True},
         {"layers": 101},
+        {"features": 3},
     ],
 )
 def test_sizes_out_of_range_are_refused_by_name(sizes):

@@ -58,14 +58,14 @@ def drifted(state: History, position: float, last_displacement: float) -> Histor
 
 def test_the_target_of_a_state_with_small_drift_is_the_true_displacement(run, data):
     window = batch_of(run, data).windows[0]
-    state = drifted(state_of(run, window), 0.2, 1e-3)
+    state = drifted(state_of(run, window), 0.001, 1e-3)
     target = run.objective.target_displacement(state, window, 0)
     torch.testing.assert_close(target, true_displacement(window, 0), atol=1e-6, rtol=0)
 
 
 def test_the_target_of_a_state_with_large_drift_corrects_no_more_than_the_bound(run, data):
     window, bound = batch_of(run, data).windows[0], MAX_VELOCITY_DRIFT * FRAME_TIME
-    state = drifted(state_of(run, window), 0.2, 3 * bound)
+    state = drifted(state_of(run, window), 0.001, 3 * bound)
     target, true = run.objective.target_displacement(state, window, 0), true_displacement(window, 0)
     x = torch.tensor([1.0, 0.0, 0.0]).expand_as(target)
     torch.testing.assert_close(target - true, 2 * bound * x, atol=1e-6, rtol=0)
@@ -78,7 +78,7 @@ def test_the_density_term_has_the_weight_of_the_phase(run, data):
     )
     terms = []
     for window, random in zip(windows, generators(), strict=True):
-        state = run.objective.add_noise(state_of(run, window), 0.01, random)
+        state = run.objective.disturb(state_of(run, window), window, Phase(until=1, noise=0.01), random)
         positions, _ = run.model.integrate(state, prediction(run, state, window))
         neighbors = find_neighbors(positions.detach(), 0.061)
         distance, _ = window.environment.distance_and_normal(positions)
@@ -100,23 +100,52 @@ def test_every_window_of_a_batch_counts(kind, tmp_path, data):
 
 def test_noise_has_the_configured_size_and_follows_from_the_generator(run, data):
     state = state_of(run, batch_of(run, data).windows[0])
-    assert run.objective.add_noise(state, 0.0, generators()[0]) is state
     one, same, other = (run.objective.add_noise(state, 1e-3, generators()[number]) for number in (0, 0, 1))
     assert torch.equal(one.displacements, same.displacements)
     assert not torch.equal(one.displacements, other.displacements)
     assert 7e-4 < float((one.displacements - state.displacements)[:, 0].std()) < 1.4e-3
 
 
-def test_a_window_at_the_start_of_its_scene_gets_no_noise(run, data):
+def test_the_target_of_a_state_inside_the_solid_leads_out(run, data):
     window = batch_of(run, data).windows[0]
-    noisy = Phase(until=1, noise=1e-3)
-    at_start = dataclasses.replace(window, at_scene_start=True)
+    state = state_of(run, window)
+    inside = torch.tensor([0.0, 0.0, 0.18])  # 20 mm below the top of the ball
+    state = dataclasses.replace(state, positions=inside.expand_as(state.positions))
+    target = state.positions + run.objective.target_displacement(state, window, 0)
+    before, after = (window.environment.distance_and_normal(at)[0] for at in (state.positions, target))
+    assert ((after - before) > 0.99 * MAX_VELOCITY_DRIFT * FRAME_TIME).all()
 
-    def loss(window: Window, phase: Phase) -> torch.Tensor:
-        return run.objective(Batch([window], generators()[:1]), phase)[0]
 
-    assert torch.equal(loss(at_start, noisy), loss(window, QUIET))
-    assert not torch.equal(loss(window, noisy), loss(window, QUIET))
+def test_the_small_error_term_has_the_weight_of_the_phase(run, data):
+    windows = batch_of(run, data).windows
+    without, with_term = (
+        run.objective(Batch(windows, generators()), Phase(until=1, noise=0, small_errors=weight))[0]
+        for weight in (0, 2)
+    )
+    terms = []
+    for window in windows:
+        state = state_of(run, window)
+        target = run.model.acceleration_target(state, run.objective.target_displacement(state, window, 0))
+        error = (prediction(run, state, window) - target).square().mean(dim=1)
+        terms.append((1 + error / 0.1**2).log().mean())
+    torch.testing.assert_close(with_term - without, 2 * torch.stack(terms).mean(), rtol=1e-4, atol=1e-4)
+
+
+def test_the_share_of_windows_with_displaced_water_is_that_of_the_phase(run, data):
+    window = batch_of(run, data, 3).windows[0]
+    positions = torch.cat([torch.tensor([[0.0, 0.0, 0.23]]), window.positions[run.model.history_length, 1:]])
+    near = dataclasses.replace(window, positions=positions.expand(len(window.positions), -1, -1))
+    random, true = np.random.default_rng(0), state_of(run, near)
+
+    def count(share: float) -> int:
+        states = (
+            run.objective.disturb(true, near, Phase(until=1, noise=0, displaced=share), random) for _ in range(60)
+        )
+        return sum(not torch.equal(state.positions, true.positions) for state in states)
+
+    assert count(0) == 0
+    assert 15 < count(0.5) < 45
+    assert count(1) == 60
 
 
 def test_a_step_passes_a_gradient_to_every_weight(run, data):

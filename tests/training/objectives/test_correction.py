@@ -40,14 +40,11 @@ def test_the_small_error_term_has_the_weight_of_the_phase(run, data):
     torch.testing.assert_close(twice - without, 2 * (once - without))
 
 
-def test_noise_is_added_to_a_copy_and_has_at_most_the_configured_size(run, state):
+def test_noise_is_added_to_a_copy_and_has_the_configured_size(run, state):
     random = np.random.default_rng(0)
     before = {name: value.clone() for name, value in vars(state).items()}
-    assert run.objective.add_noise(state, 0, random) is state
-    noisy = [run.objective.add_noise(state, 1e-3, random) for _ in range(200)]
-    stds = [float((one.velocities - state.velocities).std()) * 0.005 for one in noisy]
-    assert min(stds) < 2e-5
-    assert 8e-4 < max(stds) < 1.2e-3
+    noisy = run.objective.add_noise(state, 1e-3, random)
+    assert 8e-4 < float((noisy.velocities - state.velocities).std()) * 0.005 < 1.2e-3
     assert all(torch.equal(value, before[name]) for name, value in vars(state).items())
 
 

@@ -11,9 +11,7 @@ from surfsup.sph.solver import DfsphSolver, Observation
 from surfsup.sph.state import ParticleState
 from surfsup.training.objectives.correction_loss import (
     POSITION_RETURN,
-    SMALL_ERROR,
     correction_loss,
-    small_error_loss,
     target_correction,
 )
 from surfsup.training.objectives.drift import MAX_POSITION_DRIFT, MAX_VELOCITY_DRIFT
@@ -93,25 +91,7 @@ def test_the_correction_loss_of_two_particles():
     assert float(correction_loss(zero, target, near, half)) == pytest.approx((2 * 0.5 * 9 + 0) / 3 / size)
 
 
-def test_the_small_error_loss_of_two_particles():
-    zero = Correction(torch.zeros(2, 3), torch.zeros(2, 3))
-    # The first has a velocity error of SMALL_ERROR, the second none: ln 2 and 0.
-    target = Correction(torch.tensor([[SMALL_ERROR, 0, 0], [0, 0, 0]]), torch.zeros(2, 3))
-    assert float(small_error_loss(zero, target, FULL)) == pytest.approx(math.log(2) / 2)
-
-
-def test_halving_an_error_lowers_the_small_error_loss_equally_for_all_but_tiny_errors():
-    def gain(size: float) -> float:
-        target = Correction(torch.full((5, 3), size), torch.full((5, 3), size))
-        zero, half = (Correction(share * target.velocity, share * target.position) for share in (0, 0.5))
-        return float(small_error_loss(zero, target, FULL) - small_error_loss(half, target, FULL))
-
-    assert gain(100.0) == pytest.approx(math.log(4), rel=1e-3)
-    assert gain(30 * SMALL_ERROR) == pytest.approx(math.log(4), rel=2e-3)
-    assert gain(SMALL_ERROR / 100) < 1e-2
-
-
-def test_the_losses_have_the_gradients_of_finite_differences():
+def test_the_loss_has_the_gradients_of_finite_differences():
     random = torch.Generator().manual_seed(0)
 
     def draw() -> torch.Tensor:
@@ -120,4 +100,3 @@ def test_the_losses_have_the_gradients_of_finite_differences():
     target, near = Correction(draw(), draw()), torch.tensor([True, False] * 3)
     predicted = draw().requires_grad_(), draw().requires_grad_()
     assert torch.autograd.gradcheck(lambda v, x: correction_loss(Correction(v, x), target, near, FULL), predicted)
-    assert torch.autograd.gradcheck(lambda v, x: small_error_loss(Correction(v, x), target, FULL), predicted)

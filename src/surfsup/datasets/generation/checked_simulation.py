@@ -14,7 +14,7 @@ from surfsup.datasets.generation.scene_sampler import SceneSampler
 from surfsup.datasets.generation.statistics import MomentAccumulator, Moments
 from surfsup.errors import SimulationError
 from surfsup.scene import InitialParticles, Scene
-from surfsup.sdf import Surface
+from surfsup.scene.solids import Solids, build_solids
 from surfsup.splishsplash import solver
 
 MAX_DRAWS = 5  # scenes drawn for one index before an error
@@ -33,6 +33,7 @@ class CheckedSimulation:
 
     Attributes:
         scene: the scene.
+        solids: of the scene.
         rejections: reasons why earlier scenes of the same index were rejected, one line each.
         moments: of the frames so far, for the statistics of the data set.
     """
@@ -40,13 +41,13 @@ class CheckedSimulation:
     def __init__(
         self,
         scene: Scene,
-        surface: Surface | None,
+        solids: Solids,
         start: InitialParticles,
         rejections: tuple[str, ...] = (),
     ) -> None:
         self.scene, self.rejections = scene, rejections
         self.moments = Moments()
-        self._surface, self._start = surface, start
+        self.solids, self._start = solids, start
 
     @property
     def particles(self) -> int:
@@ -60,9 +61,9 @@ class CheckedSimulation:
             UnphysicalError: the simulation is not physical.
             SolverError: the solver stopped early.
         """
-        check, accumulator = PhysicalCheck(self.scene, self._surface), MomentAccumulator(self.scene.gravity)
+        check, accumulator = PhysicalCheck(self.scene, self.solids), MomentAccumulator(self.scene.gravity)
         self.moments = accumulator.moments
-        with closing(solver.simulate(self.scene, self._surface, self._start)) as frames:
+        with closing(solver.simulate(self.scene, self.solids.still, self._start)) as frames:
             while batch := list(islice(frames, FRAMES_PER_CHECK)):
                 positions, velocities = (
                     np.ascontiguousarray(np.stack(part).swapaxes(1, 2), float) for part in zip(*batch, strict=True)
@@ -90,8 +91,9 @@ def simulate_valid_scene(sampler: SceneSampler, index: int, consume: Callable[[C
     rejections: list[str] = []
     while len(rejections) < MAX_DRAWS:
         scene = sampler.scene(index, attempt=len(rejections))
-        surface = scene.build_surface()
-        simulation = CheckedSimulation(scene, surface, scene.initial_particles(surface), tuple(rejections))
+        solids = build_solids(scene)
+        start = scene.initial_particles(solids.at_time(0.0))
+        simulation = CheckedSimulation(scene, solids, start, tuple(rejections))
         try:
             return with_retry(simulation, consume)
         except (UnphysicalError, solver.SolverError) as error:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import yaml
@@ -61,6 +61,10 @@ def check_identity(folder: Path, expected: DatasetIdentity) -> None:
     if not isinstance(found, dict) or not {"recipe", "seed"} <= found.keys():
         raise InputError(f"{path}: does not say what data the folder holds; take another folder")
     held = DatasetIdentity(found["recipe"], found["seed"], found.get("frames"), found.get("source"))
+    if held != expected and held == replace(expected, frames=held.frames):
+        held_frames = "the recipe's own number of" if held.frames is None else held.frames
+        remedy = "leave out --frames" if held.frames is None else f"give --frames {held.frames}"
+        raise InputError(f"{folder}: holds scenes of {held_frames} frames; {remedy}, or take another folder")
     if held != expected:
         raise InputError(f"{folder}: holds {held}; take another folder for {expected}")
 

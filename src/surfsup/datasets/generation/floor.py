@@ -21,6 +21,7 @@ from surfsup.datasets.generation.worker_pool import open_worker_pool, until_canc
 from surfsup.errors import InputError
 from surfsup.io.trajectory import Provenance, Trajectory, TrajectoryWriter
 from surfsup.scene import Block, Fluid, InitialParticles, Scene
+from surfsup.scene.solids import build_solids
 from surfsup.splishsplash import solver
 
 FOLDER = "floor"
@@ -124,6 +125,8 @@ def shifted_scene(reference: Trajectory, axis: int) -> Scene:
     x, y, z = (SHIFT * np.eye(3)[axis]).tolist()
 
     def shifted(entry: Fluid) -> Fluid:
+        if entry.block is None:
+            raise InputError(f"the floor shifts blocks of water, but the scene has a {entry.kind}")
         lower, upper = ((corner[0] + x, corner[1] + y, corner[2] + z) for corner in (entry.block.min, entry.block.max))
         return Fluid(block=Block(min=lower, max=upper, velocity=entry.block.velocity))
 
@@ -154,8 +157,8 @@ def simulate_shifted(original: Path, axis: int) -> float | None:
     if target.exists():
         return None
     with Trajectory(original) as reference:
-        scene, surface = shifted_scene(reference, axis), reference.scene.build_surface()
-        start = shifted_particles(reference.scene.initial_particles(surface), axis)
+        scene, solids = shifted_scene(reference, axis), build_solids(reference.scene)
+        start = shifted_particles(reference.scene.initial_particles(solids.at_time(0.0)), axis)
 
     def write(simulation: CheckedSimulation) -> None:
         with (
@@ -164,11 +167,11 @@ def simulate_shifted(original: Path, axis: int) -> float | None:
                 path, simulation.scene, Provenance(solver.NAME), simulation.particles, original.parent
             ) as writer,
         ):
-            for positions, velocities in until_canceled(iter(simulation)):
-                writer.append(positions, velocities)
+            for number, frame in enumerate(until_canceled(iter(simulation))):
+                writer.append(*frame, simulation.solids.poses(number * scene.frame_time))
 
     try:
-        with_retry(CheckedSimulation(scene, surface, start), write)
+        with_retry(CheckedSimulation(scene, solids, start), write)
         failure_path(target).unlink(missing_ok=True)
     except (UnphysicalError, solver.SolverError) as error:
         failure_path(target).write_text(f"{error}\n")

@@ -15,6 +15,7 @@ from surfsup.datasets.generation.scene_sampler import SceneSampler
 from surfsup.datasets.generation.worker_pool import open_worker_pool, until_canceled
 from surfsup.errors import InputError, SimulationError
 from surfsup.io.trajectory import Provenance, TrajectoryWriter
+from surfsup.scene import FRAME_TIME
 from surfsup.splishsplash import solver
 
 
@@ -55,6 +56,8 @@ def generate(
     if count < 1:
         raise InputError(f"the number of scenes is {count}, but must be at least 1")
     folder, source = Path(folder).resolve(), None if source is None else Path(source)
+    if source is not None and not source.exists():
+        raise InputError(f"--source {source}: does not exist")
     sampler = SceneSampler(recipe, seed, frames, folder)
     identity = DatasetIdentity.of(sampler, source)
     with open_worker_pool(workers, scheduler) as pool, lock_folder(folder) as token:
@@ -117,8 +120,8 @@ def simulate_to_file(sampler: SceneSampler, index: int) -> float | None:
             atomic_write(scene_path(sampler.folder, index)) as path,
             TrajectoryWriter(path, simulation.scene, provenance, simulation.particles) as writer,
         ):
-            for positions, velocities in until_canceled(iter(simulation)):
-                writer.append(positions, velocities)
+            for number, frame in enumerate(until_canceled(iter(simulation))):
+                writer.append(*frame, simulation.solids.poses(number * FRAME_TIME))
             write_record(writer, sampler, index, simulation)
 
     simulate_valid_scene(sampler, index, write)

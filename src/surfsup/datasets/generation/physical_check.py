@@ -8,7 +8,8 @@ import numpy as np
 import torch
 
 from surfsup.datasets.density import number_density
-from surfsup.scene import SPACING, Scene
+from surfsup.scene import FRAME_TIME, SPACING, Scene
+from surfsup.scene.solids import Solids
 from surfsup.sdf import Surface
 from surfsup.sph.state import SUBSTEP_TIME
 
@@ -34,11 +35,12 @@ class PhysicalCheck:
     Frames are (K, 3, N) float64, one row for each axis, because sums along memory are ten times faster.
     """
 
-    def __init__(self, scene: Scene, surface: Surface | None) -> None:
-        """Prepare for a simulation of ``scene`` with the solid ``surface``."""
+    def __init__(self, scene: Scene, solids: Solids) -> None:
+        """Prepare for a simulation of ``scene`` with ``solids``."""
         self._lower, self._upper = (np.array(corner) for corner in (scene.container.lower, scene.container.upper))
         self._gravity = np.array(scene.gravity)
-        self._penetration = None if surface is None else PenetrationCheck(surface)
+        self._penetration = None if solids.still is None else PenetrationCheck(solids.still)
+        self._solids = solids
         self._frames = 0
         self._lowest_energy = math.inf
 
@@ -51,20 +53,36 @@ class PhysicalCheck:
         """
         if not (np.isfinite(positions).all() and np.isfinite(velocities).all()):
             raise UnphysicalError("a position or velocity is not finite")
-        if (positions.min(axis=2) < self._lower).any() or (positions.max(axis=2) > self._upper).any():
-            raise UnphysicalError("a particle left the container")
+        self._check_container(positions)
         if self._penetration is not None:
             self._penetration.check(positions)
+        self._check_moving(positions)
         squared_speed = np.einsum("kij,kij->kj", velocities, velocities)
         speed = math.sqrt(squared_speed.max())
         if speed > MAX_SPEED:
             raise UnphysicalError(f"a particle flew at {speed:.3g} m/s, past its neighbors in a step of the solver")
-        self._check_energy(positions, squared_speed)
+        if not self._solids.move:  # what moves does work on the fluid
+            self._check_energy(positions, squared_speed)
         for frame in range(-self._frames % DENSITY_INTERVAL, len(positions), DENSITY_INTERVAL):
             density = float(number_density(positions[frame]).max())
             if density > MAX_DENSITY:
                 raise UnphysicalError(f"the fluid was {density:.3g} times as dense as at rest, which it cannot be")
         self._frames += len(positions)
+
+    def _check_container(self, positions: np.ndarray) -> None:
+        """Check that no particle is outside the container, which may move."""
+        if self._solids.container is not None:
+            poses = [self._solids.container((self._frames + k) * FRAME_TIME) for k in range(len(positions))]
+            positions = np.stack([pose.to_own(frame.T).T for pose, frame in zip(poses, positions, strict=True)])
+        if (positions.min(axis=2) < self._lower).any() or (positions.max(axis=2) > self._upper).any():
+            raise UnphysicalError("a particle left the container")
+
+    def _check_moving(self, positions: np.ndarray) -> None:
+        """Check that no particle is inside a solid that moves."""
+        for solid in self._solids.moving:
+            for number, frame in enumerate(positions, start=self._frames):
+                own = solid.pose(number * FRAME_TIME).to_own(frame.T)
+                check_outside(solid.surface, own)
 
     def _check_energy(self, positions: np.ndarray, squared_speed: np.ndarray) -> None:
         """Check that the mean mechanical energy only falls.
@@ -119,9 +137,19 @@ class PenetrationCheck:
         """Query the distances of ``particles`` (M,) at ``positions`` (3, M)."""
         if len(particles) == 0:
             return
-        with torch.no_grad():
-            distance = self._surface.distance(torch.from_numpy(positions.T.astype(np.float32))).numpy()
-        if (deepest := float(distance.min())) < 0:
-            raise UnphysicalError(f"a particle was {-deepest:.3g} m inside the solid")
+        distance = check_outside(self._surface, positions.T)
         self._queried_at[:, particles] = positions
         self._squared_reach[particles] = (REACH_FACTOR * distance.astype(np.float64)) ** 2
+
+
+def check_outside(surface: Surface, points: np.ndarray) -> np.ndarray:
+    """The distances (M,) of ``points`` (M, 3) to a solid, in its frame.
+
+    Raises:
+        UnphysicalError: a point is inside.
+    """
+    with torch.no_grad():
+        distance = surface.distance(torch.from_numpy(points.astype(np.float32))).numpy()
+    if (deepest := float(distance.min())) < 0:
+        raise UnphysicalError(f"a particle was {-deepest:.3g} m inside the solid")
+    return distance

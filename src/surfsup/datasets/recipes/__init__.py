@@ -10,11 +10,24 @@ from surfsup.datasets.recipes.mountain import Mountain
 from surfsup.datasets.recipes.prim_shapes import PrimShapes
 from surfsup.datasets.recipes.prim_unions import PrimUnions
 from surfsup.datasets.recipes.recipe import Recipe
+from surfsup.datasets.recipes.stirring import Stirring
 from surfsup.datasets.recipes.tanks import Tanks
 
 RECIPES: dict[str, type[Recipe]] = {
     recipe.name: recipe
-    for recipe in (PrimShapes, PrimUnions, Funnels, Bowls, Chairs, ComplexScenes, Mountain, Assorted, Tanks, Hills)
+    for recipe in (
+        PrimShapes,
+        PrimUnions,
+        Funnels,
+        Bowls,
+        Chairs,
+        ComplexScenes,
+        Mountain,
+        Assorted,
+        Tanks,
+        Hills,
+        Stirring,
+    )
 }
 
 __all__ = ["RECIPES", "Recipe"]

@@ -11,6 +11,7 @@ import torch
 
 from surfsup.datasets.streaming.stream import SimulatedScene, SimulationStream, open_stream
 from surfsup.datasets.windows import Window, sample_window
+from surfsup.errors import InputError
 from surfsup.sph.environment import Environment
 
 BUFFER_SIZE = 32  # simulations: 1.6 GB at 2,600 particles and 800 frames
@@ -21,7 +22,12 @@ class StreamedWindows:
 
     A buffer holds the last simulations; when it is full, each new one replaces the oldest. Its contents depend on the
     speed of the workers, so the same seed does not give the same windows.
+
+    Attributes:
+        fingerprint: None, since the data changes.
     """
+
+    fingerprint = None
 
     def __init__(self, stream: SimulationStream, size: int = BUFFER_SIZE, device: torch.device | str = "cpu") -> None:
         """Wait for the first simulation of ``stream``; keep the last ``size``, with windows on ``device``.
@@ -34,6 +40,8 @@ class StreamedWindows:
         self._add(next(stream))
 
     def _add(self, simulated: SimulatedScene) -> None:
+        if simulated.scene.moves:
+            raise InputError("the recipe has solids that move, which no learned simulator knows; choose another")
         environment = Environment.of(simulated.scene, simulated.scene.build_surface(), self._device)
         self._buffer.append((simulated, environment))
 

@@ -36,8 +36,8 @@ def bowl(capture_radius: float = START[0], filter_radius: float = START[1], fram
         name="bowl",
         shape=bowl_surface,
         parameters={
-            "r1": Parameter(capture_radius, *CAPTURE_RADIUS, STEP),
-            "r2": Parameter(filter_radius, 0.0, max_filter_radius, STEP, 0.0, SURFACE_CLEARANCE),
+            "r1": Parameter(capture_radius, *CAPTURE_RADIUS, STEP, unit="m"),
+            "r2": Parameter(filter_radius, 0.0, max_filter_radius, STEP, 0.0, SURFACE_CLEARANCE, unit="m"),
         },
         scene=Scene(fluid=[Fluid(block=block)], frames=frames + 1),
         reward=near((0.0, 0.0, HEIGHT), VARIANCE),

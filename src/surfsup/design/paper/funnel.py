@@ -44,8 +44,8 @@ def funnel(capture_radius: float = START[0], filter_radius: float = START[1], fr
         name="funnel",
         shape=funnel_surface,
         parameters={
-            "r1": Parameter(capture_radius, *CAPTURE_RADIUS, STEP),
-            "r2": Parameter(filter_radius, MIN_FILTER_RADIUS, max_filter_radius, STEP),
+            "r1": Parameter(capture_radius, *CAPTURE_RADIUS, STEP, unit="m"),
+            "r2": Parameter(filter_radius, MIN_FILTER_RADIUS, max_filter_radius, STEP, unit="m"),
         },
         scene=Scene(fluid=[Fluid(block=block)], frames=frames + 1),
         reward=landing_near((0.0, 0.0), VARIANCE, FLOOR),

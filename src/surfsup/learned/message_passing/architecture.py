@@ -17,6 +17,8 @@ class MessagePassingArchitecture:
         width: channels of the latent vectors on nodes and edges.
         layers: message-passing steps of the processor, each with its own weights.
         radius: connectivity radius in meters.
+        features: version of the node features. In version 1, that of weights of format 5, distances to walls are
+            clipped to the radius, and the gradient of the signed distance does not fade.
 
     Raises:
         ValueError: a size is out of range; the message names it.
@@ -25,12 +27,14 @@ class MessagePassingArchitecture:
     width: int = 128
     layers: int = 10
     radius: float = 0.045
+    features: int = 2
 
     def __post_init__(self) -> None:
         require_count("width", self.width, 4096)
         require_count("layers", self.layers, 100)
         if not isinstance(self.radius, float) or not 0 < self.radius < math.inf:
             raise ValueError(f"radius is {self.radius!r}")
+        require_count("features", self.features, 2)
 
 
 def require_count(name: str, value: object, maximum: int) -> None:

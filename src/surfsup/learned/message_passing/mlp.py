@@ -9,6 +9,7 @@ from torch import Tensor, nn
 from torch.autograd.function import once_differentiable
 
 from surfsup.learned.message_passing.linear import Linear, linear, weight_gradient
+from surfsup.learned.message_passing.native_layers import Weights, apply_to_rows
 
 
 class Mlp(nn.Module):
@@ -25,6 +26,26 @@ class Mlp(nn.Module):
         """(M, inputs) -> (M, width). All but the first layer computes in ``precision``, by default that of the rows."""
         weight, bias = self.hidden_1.weight.to(rows.dtype), self.hidden_1.bias.to(rows.dtype)
         return self.from_first_hidden(Linear.apply(rows, weight, bias).relu().to(precision or rows.dtype))
+
+    def forward_native(
+        self, rows: Tensor, first: torch.dtype, precision: torch.dtype, out: torch.dtype = torch.float32
+    ) -> Tensor:
+        """:meth:`forward` in C++; see :func:`apply_to_rows` for the three precisions."""
+        weights = self.native_weights(self.hidden_1.weight, self.hidden_1.bias)
+        return apply_to_rows(rows, weights, self.norm.eps, first, precision, out)
+
+    def native_weights(self, first: Tensor, first_bias: Tensor | None) -> Weights:
+        """The parameters for C++, with those of the first layer given."""
+        return Weights(
+            first,
+            first_bias,
+            self.hidden_2.weight,
+            self.hidden_2.bias,
+            self.output.weight,
+            self.output.bias,
+            self.norm.weight,
+            self.norm.bias,
+        )
 
     def from_first_hidden(self, hidden: Tensor) -> Tensor:
         """All layers after the first ReLU, from its output (M, width)."""

@@ -26,6 +26,7 @@ from surfsup.sph.neighbor_search import find_neighbors
 DISPLACEMENT_STD = (1.9e-3, 1.9e-3, 4.1e-3)
 ACCELERATION_STD = (3e-4, 3e-4, 3e-4)
 WALLS = 6
+WALL_LIMIT = 0.18  # meters; at 5 m/s, water at this distance is seven frames from the wall
 
 
 @dataclass(frozen=True)
@@ -93,9 +94,10 @@ class MessagePassingSimulator(LearnedSimulator[History]):
         return NetworkInput(features, graph, torch.arange(len(state.positions), device=features.device))
 
     def wall_features(self, positions: Tensor, environment: Environment) -> Tensor:
-        """Distances to the six walls (M, 6) in units of the radius, clipped to [-1, 1] as in GNS."""
+        """Distances to the six walls (M, 6) in units of WALL_LIMIT, clipped to [-1, 1]; GNS has the radius instead."""
+        limit = WALL_LIMIT if self.architecture.features > 1 else self.architecture.radius
         distances = torch.cat([positions - environment.lower, environment.upper - positions], dim=-1)
-        return (distances / self.architecture.radius).clamp(-1, 1)
+        return (distances / limit).clamp(-1, 1)
 
     def predict_acceleration(self, inputs: NetworkInput) -> Tensor:
         """The network's normalized acceleration of each fluid particle (N, 3)."""

@@ -58,3 +58,4 @@ surfsup::SolidQuery solid_query(const nb::object& solid, const surfsup::Isa& isa
 void add_solids(nb::module_& module);
 void add_solver(nb::module_& module);
 void add_networks(nb::module_& module);
+void add_message_passing(nb::module_& module);

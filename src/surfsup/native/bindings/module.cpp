@@ -11,4 +11,5 @@ NB_MODULE(_native, module) {
     add_solids(module);
     add_solver(module);
     add_networks(module);
+    add_message_passing(module);
 }

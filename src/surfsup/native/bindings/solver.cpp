@@ -1,4 +1,5 @@
 // The DFSPH solver in Python.
+#include <algorithm>
 #include <limits>
 #include <optional>
 #include <tuple>
@@ -49,11 +50,57 @@ surfsup::SubstepRecord record_of(const std::optional<Record>& record, size_t cou
             boundary_gradient.data(), density_error.data(), density_rate.data()};
 }
 
+// What moves: the maps of the solids, boxes around them (K, 2, 3), their queries, poses before and after (K, 2, 7), where each
+// particle last queried them (K, count, 3) and the distance there (K, count); and the poses of the walls (2, 7). A pose is a
+// position and a quaternion (w, x, y, z).
+using Boxes = Array<const float, nb::shape<-1, 2, 3>>;
+using Motions = Array<const double, nb::shape<-1, 2, 7>>;
+using WallMotion = Array<const double, nb::shape<2, 7>>;
+using SolidPositions = Array<float, nb::shape<-1, -1, 3>>;
+using SolidDistances = Array<float, nb::ndim<2>>;
+using Moving = std::tuple<std::vector<const surfsup::BoundaryMap*>, Boxes, std::vector<nb::object>, Motions, SolidPositions,
+                          SolidDistances, std::optional<WallMotion>>;
+
+surfsup::RigidMotion motion_of(const double* poses) {
+    surfsup::RigidMotion motion{};
+    for (surfsup::Pose* pose : {&motion.start, &motion.end}) {
+        std::copy_n(poses, 3, pose->position);
+        std::copy_n(poses + 3, 4, pose->rotation);
+        poses += 7;
+    }
+    return motion;
+}
+
+surfsup::MovingSolids moving_of(const std::optional<Moving>& moving, size_t count, const surfsup::Isa& isa, int threads) {
+    surfsup::MovingSolids result;
+    if (!moving) return result;
+    const auto& [maps, boxes, queries, motions, query_positions, query_distance, walls] = *moving;
+    const float no_rotation[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1};
+    for (const size_t rows :
+         {boxes.shape(0), queries.size(), motions.shape(0), query_positions.shape(0), query_distance.shape(0)})
+        expect(rows, maps.size(), "an array of the moving solids");
+    expect(query_positions.shape(1), maps.empty() ? query_positions.shape(1) : count, "query_positions");
+    expect(query_distance.shape(1), maps.empty() ? query_distance.shape(1) : count, "query_distance");
+    for (size_t k = 0; k < maps.size(); ++k) {
+        surfsup::MovingSolid solid{maps[k]->view(no_rotation),
+                                   {},
+                                   {},
+                                   solid_query(queries[k], isa, threads),
+                                   {query_positions.data() + 3 * count * k, query_distance.data() + count * k},
+                                   motion_of(motions.data() + 14 * k)};
+        std::copy_n(boxes.data() + 6 * k, 3, solid.lower);
+        std::copy_n(boxes.data() + 6 * k + 3, 3, solid.upper);
+        result.solids.push_back(std::move(solid));
+    }
+    if (walls) result.walls = motion_of(walls->data());
+    return result;
+}
+
 surfsup::StepResult step(surfsup::Solver& solver, Vectors positions, Vectors velocities, Vector gravity, Vector lower,
                          Vector upper, const surfsup::BoundaryMap* boundary_map, Matrix3 rotation, const nb::object& solid,
                          bool handle_collisions, NewVectors query_positions, NewValues query_distance, NewVectors new_positions,
                          NewVectors new_velocities, NewFlags collided, const std::optional<Record>& record,
-                         const std::string& isa, int threads, int64_t max_pairs) {
+                         const std::optional<Moving>& moving, const std::string& isa, int threads, int64_t max_pairs) {
     const size_t count = positions.shape(0);
     expect(velocities.shape(0), count, "velocities");
     expect(query_positions.shape(0), count, "query_positions");
@@ -63,6 +110,8 @@ surfsup::StepResult step(surfsup::Solver& solver, Vectors positions, Vectors vel
     expect(collided.shape(0), count, "collided");
     const surfsup::Isa& chosen = surfsup::isa_of(isa);
     const surfsup::SolidQuery query = solid_query(solid, chosen, threads);
+    if (moving && record) throw std::invalid_argument("a frame with moving solids has no record");
+    const surfsup::MovingSolids moving_solids = moving_of(moving, count, chosen, threads);
     const surfsup::Fluid fluid = {checked_count(count),
                                   positions.data(),
                                   velocities.data(),
@@ -72,7 +121,8 @@ surfsup::StepResult step(surfsup::Solver& solver, Vectors positions, Vectors vel
                                   gravity.data(),
                                   lower.data(),
                                   upper.data(),
-                                  boundary_map ? boundary_map->view(rotation.data()) : surfsup::BoundaryMapView{}};
+                                  boundary_map ? boundary_map->view(rotation.data()) : surfsup::BoundaryMapView{},
+                                  moving ? &moving_solids : nullptr};
     const surfsup::SubstepRecord written = record_of(record, count);
     const nb::gil_scoped_release unlocked;
     return surfsup::step(solver, fluid, query, handle_collisions, {query_positions.data(), query_distance.data()},
@@ -97,6 +147,22 @@ void resolve_collisions(Vectors before, NewVectors positions, NewVectors velocit
     const nb::gil_scoped_release unlocked;
     surfsup::resolve_collisions(before.data(), positions.data(), velocities.data(), collided.data(), checked_count(count),
                                 {lower.data(), upper.data()}, parameters, query, query_positions ? &last_query : nullptr);
+}
+
+void resolve_moving_collisions(Vectors before, NewVectors positions, NewVectors velocities, NewFlags collided, Vector lower,
+                               Vector upper, const surfsup::CollisionParameters& parameters, const nb::object& solid,
+                               const Moving& moving, float frame_time, const std::string& isa, int threads) {
+    const size_t count = positions.shape(0);
+    expect(before.shape(0), count, "before");
+    expect(velocities.shape(0), count, "velocities");
+    expect(collided.shape(0), count, "collided");
+    const surfsup::Isa& chosen = surfsup::isa_of(isa);
+    const surfsup::SolidQuery query = solid_query(solid, chosen, threads);
+    const surfsup::MovingSolids moving_solids = moving_of(moving, count, chosen, threads);
+    const nb::gil_scoped_release unlocked;
+    surfsup::resolve_moving_collisions(before.data(), positions.data(), velocities.data(), collided.data(),
+                                       checked_count(count), {lower.data(), upper.data()}, parameters, query, nullptr,
+                                       moving_solids, frame_time);
 }
 
 double energy_gain(Vectors positions, Vectors velocities, Vectors new_positions, Vectors new_velocities, Vector gravity) {
@@ -137,6 +203,10 @@ void add_solver(nb::module_& module) {
                array("collided"), array("lower"), array("upper"), "parameters"_a, "solid"_a.none(),
                array("query_positions").none(), array("query_distance").none(), "isa"_a, "threads"_a);
 
+    module.def("resolve_moving_collisions", resolve_moving_collisions, array("before"), array("positions"), array("velocities"),
+               array("collided"), array("lower"), array("upper"), "parameters"_a, "solid"_a.none(), "moving"_a, "frame_time"_a,
+               "isa"_a, "threads"_a);
+
     nb::class_<surfsup::BoundaryMap>(module, "BoundaryMap")
         .def("__init__", make_boundary_map, array("lower"), array("cell"), array("resolution"), array("cell_indices"),
              array("nodes"));
@@ -171,11 +241,14 @@ void add_solver(nb::module_& module) {
         .def_rw("max_energy_gain", &SolverParameters::max_energy_gain)
         .def_rw("boundary", &SolverParameters::boundary)
         .def_rw("collision", &SolverParameters::collision);
-    nb::class_<StepResult>(module, "StepResult").def_ro("pairs", &StepResult::pairs).def_ro("finished", &StepResult::finished);
+    nb::class_<StepResult>(module, "StepResult")
+        .def_ro("pairs", &StepResult::pairs)
+        .def_ro("solid_work", &StepResult::solid_work)
+        .def_ro("finished", &StepResult::finished);
     nb::class_<surfsup::Solver>(module, "Solver")
         .def(nb::init<SolverParameters>(), "parameters"_a)
         .def("step", step, nb::kw_only(), array("positions"), array("velocities"), array("gravity"), array("lower"),
              array("upper"), "boundary_map"_a.none(), array("rotation"), "solid"_a.none(), "handle_collisions"_a,
              array("query_positions"), array("query_distance"), array("new_positions"), array("new_velocities"),
-             array("collided"), array("record").none(), "isa"_a, "threads"_a, "max_pairs"_a);
+             array("collided"), array("record").none(), array("moving").none(), "isa"_a, "threads"_a, "max_pairs"_a);
 }

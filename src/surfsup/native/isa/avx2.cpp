@@ -2,6 +2,7 @@
 #define ISA isa_avx2
 #define ISA_NAME "avx2"
 #define NAME avx2
+#define BFLOAT16 no_bfloat16
 
 namespace surfsup {
 #if defined(__AVX2__)

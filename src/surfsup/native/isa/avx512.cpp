@@ -2,6 +2,7 @@
 #define ISA isa_avx512
 #define ISA_NAME "avx512"
 #define NAME avx512
+#define BFLOAT16 avx512_bf16
 
 namespace surfsup {
 #if defined(__AVX512F__)

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "learned/convolution_data.hpp"
+#include "learned/message_passing_data.hpp"
 #include "sdf/csg_tree.hpp"
 #include "sdf/neural_field.hpp"
 #include "sph/frame.hpp"
@@ -40,6 +41,11 @@ struct Isa {
     void (*convolve_weights_gradient)(const NeighborGraph&, int width, const float* values, const float* gradient,
                                       float* weights_gradient, int32_t begin, int32_t end, float* scratch);
 
+    // Perceptrons of a message-passing network, see learned/message_passing_data.hpp. `bfloat16` returns null where this
+    // processor has no dot product of bfloat16 with these instructions.
+    MessagePassingKernels float32;
+    const MessagePassingKernels* (*bfloat16)();
+
     // Signed distance of points begin to end and, unless null, their unit normal.
     void (*evaluate_tree)(const CsgTree&, const float* points, int32_t begin, int32_t end, float* distance, float* normal);
     // Samples of a neural field at points (count, 3) in its own frame. `indices` has room for `count`, `scratch` for
@@ -50,6 +56,10 @@ struct Isa {
 };
 
 extern const Isa avx512, avx2, plain;
+
+// Null where the processor or the compiler lacks AVX-512 BF16.
+const MessagePassingKernels* avx512_bf16();
+inline const MessagePassingKernels* no_bfloat16() { return nullptr; }
 
 // The instruction sets that this processor supports, the fastest first.
 std::vector<const Isa*> instruction_sets();

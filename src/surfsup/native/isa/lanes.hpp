@@ -45,6 +45,17 @@ inline void store(void* to, Vector values) {
     std::memcpy(to, &values, sizeof values);
 }
 
+// Stores to an aligned place past the caches, which need not read it first: for what is read much later.
+inline void store_past_caches(float* to, Floats values) {
+#if defined(__AVX512F__)
+    _mm512_stream_ps(to, (__m512)values);
+#elif defined(__AVX2__)
+    _mm256_stream_ps(to, (__m256)values);
+#else
+    store(to, values);
+#endif
+}
+
 inline Floats square_root(Floats values) {
 #if defined(__AVX512F__)
     return (Floats)_mm512_sqrt_ps((__m512)values);

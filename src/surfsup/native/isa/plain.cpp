@@ -2,6 +2,7 @@
 #define ISA isa_plain
 #define ISA_NAME "plain"
 #define NAME plain
+#define BFLOAT16 no_bfloat16
 
 namespace surfsup {
 static bool supported() { return true; }

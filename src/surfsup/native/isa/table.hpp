@@ -1,5 +1,7 @@
-// The table of this translation unit's instruction set. NAME and `supported` are defined by the file that includes it.
+// The table of this translation unit's instruction set. NAME, BFLOAT16 and `supported` are defined by the file that includes
+// it.
 #include "learned/convolution_isa.hpp"
+#include "learned/message_passing_isa.hpp"
 #include "sdf/csg_tree_isa.hpp"
 #include "sdf/neural_field_isa.hpp"
 #include "sph/dfsph_isa.hpp"
@@ -17,6 +19,8 @@ const Isa NAME = {ISA_NAME,
                   ISA::convolve,
                   ISA::convolve_values_gradient,
                   ISA::convolve_weights_gradient,
+                  ISA::message_passing_kernels<ISA::Float32>(),
+                  BFLOAT16,
                   ISA::evaluate_tree,
                   ISA::sample_field,
                   ISA::field_scratch_size};

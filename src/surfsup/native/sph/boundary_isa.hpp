@@ -66,13 +66,53 @@ inline void add_walls(const Frame& frame, const float* position, float& density,
     for (int axis = 0; axis < 3; ++axis) gradient[axis] *= scale;
 }
 
+// Adds the density of a solid that moves, its gradient, and the density rate that its motion takes away, 1/s.
+inline void add_moving_solid(const SolverParameters& p, const MovingBoundary& solid, const float* position, float& density,
+                             float* gradient, float& solid_rate) {
+    float own[3], normal[3], velocity[3], local[3], distance, fraction, slope;
+    solid.step.place.to_own(position, own);
+    for (int axis = 0; axis < 3; ++axis)
+        if (own[axis] < solid.lower[axis] || own[axis] > solid.upper[axis]) return;  // a NaN passes
+    for (int axis = 0; axis < 3; ++axis) local[axis] = position[axis] - solid.step.place.translation[axis];
+    interpolate(solid.boundary_map, local, distance, fraction, normal);
+    add_solid(p, distance, fraction, density, slope);
+    if (slope == 0.0f) return;
+    solid.step.velocity(position, velocity);
+    for (int axis = 0; axis < 3; ++axis) {
+        gradient[axis] -= slope * normal[axis];
+        solid_rate -= slope * normal[axis] * velocity[axis];
+    }
+}
+
+// Density of walls and of solids that move, written like add_walls and add_moving_solid.
+inline void add_moving(const Frame& frame, const float* position, float& density, float* gradient, float& solid_rate) {
+    const MovingFrame& moving = *frame.moving;
+    if (moving.walls) {
+        float own[3], own_gradient[3], velocity[3];
+        moving.walls->place.to_own(position, own);
+        add_walls(frame, own, density, own_gradient);
+        moving.walls->place.rotate(own_gradient, gradient);
+        moving.walls->velocity(position, velocity);
+        for (int axis = 0; axis < 3; ++axis) solid_rate += gradient[axis] * velocity[axis];
+    } else {
+        add_walls(frame, position, density, gradient);
+    }
+    for (int32_t k = 0; k < moving.solid_count; ++k)
+        add_moving_solid(*frame.parameters, moving.solids[k], position, density, gradient, solid_rate);
+}
+
 // Density of solid and walls at a position, and its gradient, 1/m. Skips the solid if `min_solid_distance`, a lower bound of
-// the distance, exceeds the kernel support. Updates that bound near the solid.
+// the distance, exceeds the kernel support. Updates that bound near the solid. With MOVING also the density of what moves, and
+// in `solid_rate` the density rate that its motion takes away, 1/s.
+template <bool MOVING>
 inline float boundary_density(const Frame& frame, int64_t caller, const float* position, float& min_solid_distance,
-                              float* gradient) {
+                              float* gradient, float& solid_rate) {
     const SolverParameters& p = *frame.parameters;
     float density = 0.0f, slope, distance, fraction, normal[3];
-    add_walls(frame, position, density, gradient);
+    if constexpr (MOVING)
+        add_moving(frame, position, density, gradient, solid_rate);
+    else
+        add_walls(frame, position, density, gradient);
     const bool solid = frame.boundary_map.cell_indices || frame.solid_normal;
     if (!solid || min_solid_distance > p.kernel_support) return density;  // a NaN distance passes
     if (frame.boundary_map.cell_indices) {

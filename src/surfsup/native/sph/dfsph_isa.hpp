@@ -92,7 +92,7 @@ inline void record_substep(const SubstepRecord& record, int64_t caller, const fl
 }
 
 // Densities at the positions of a substep, and the pressures against the density rate and the predicted density error.
-template <bool RECORD>
+template <bool RECORD, bool MOVING>
 inline void compute_pressures_of(const Frame& frame, int substep, int32_t begin, int32_t end) {
     const SolverParameters& p = *frame.parameters;
     const float scale = p.gradient_scale(), time = p.substep_time(), elapsed = static_cast<float>(substep) * time;
@@ -102,14 +102,19 @@ inline void compute_pressures_of(const Frame& frame, int substep, int32_t begin,
         if (substep == 0) work = initial_work(frame, caller);
         const float *position = frame.motion + MOTION_ROW * static_cast<int64_t>(i), *velocity = position + 4;
         const NeighborSums sums = sum_neighbors<RECORD>(frame, i);
-        float boundary_gradient[3];
-        const float boundary = boundary_density(frame, caller, position, work.min_solid_distance, boundary_gradient);
+        float boundary_gradient[3], solid_rate = 0.0f;
+        const float boundary =
+            boundary_density<MOVING>(frame, caller, position, work.min_solid_distance, boundary_gradient, solid_rate);
         const float density = p.self_density * (1.0f + sums.kernel) + boundary;
         float density_rate = -scale * sums.approach;
         for (int axis = 0; axis < 3; ++axis) {
             work.density_gradient[axis] = scale * sums.gradient[axis] + boundary_gradient[axis];
             work.viscous_acceleration[axis] = p.viscosity * scale / p.kernel_support * sums.viscous[axis] / density;
             density_rate += boundary_gradient[axis] * (velocity[axis] + elapsed * frame.gravity[axis]);
+        }
+        if constexpr (MOVING) {
+            density_rate -= solid_rate;
+            frame.moving->solid_rate[i] = solid_rate;
         }
         const float squared_gradient =
             dot(work.density_gradient, work.density_gradient) + scale * scale * sums.squared_gradient;
@@ -136,7 +141,12 @@ inline void compute_pressures_of(const Frame& frame, int substep, int32_t begin,
 
 void compute_pressures(const Frame& frame, int substep, int32_t begin, int32_t end) {
     const bool record = frame.record.kernel_sums && substep == frame.parameters->substeps - 1;
-    record ? compute_pressures_of<true>(frame, substep, begin, end) : compute_pressures_of<false>(frame, substep, begin, end);
+    if (frame.moving)
+        compute_pressures_of<false, true>(frame, substep, begin, end);
+    else if (record)
+        compute_pressures_of<true, false>(frame, substep, begin, end);
+    else
+        compute_pressures_of<false, false>(frame, substep, begin, end);
 }
 
 // The velocity that its own pressure and its neighbors' remove from a particle.

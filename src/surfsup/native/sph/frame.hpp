@@ -5,6 +5,7 @@
 
 #include "sph/boundary_map.hpp"
 #include "sph/parameters.hpp"
+#include "sph/rigid_motion.hpp"
 
 namespace surfsup {
 
@@ -54,6 +55,21 @@ struct SubstepRecord {
 };
 constexpr int KERNEL_SUMS = 8;
 
+// A moving solid at the start of a substep. Its map is rotated, not translated.
+struct MovingBoundary {
+    BoundaryMapView boundary_map;
+    RigidStep step;
+    float lower[3], upper[3];  // a box in its own frame; outside it the solid is beyond the kernel support
+};
+
+// What moves during a substep.
+struct MovingFrame {
+    const RigidStep* walls;  // nullptr for walls that stand still
+    const MovingBoundary* solids;
+    int32_t solid_count;
+    float* solid_rate;  // of each sorted particle, 1/s: density rate that the motion of solids takes away
+};
+
 struct Frame {
     int32_t count;
     const SolverParameters* parameters;
@@ -67,7 +83,8 @@ struct Frame {
     float wall_cell[3];  // sides of the cells in which the walls are interpolated
     BoundaryMapView boundary_map;
     float *new_positions, *new_velocities;
-    SubstepRecord record;  // of the last substep; null pointers for none
+    const MovingFrame* moving;  // nullptr where nothing moves
+    SubstepRecord record;       // of the last substep; null pointers for none
 
     // In sorted order. `motion` and `pressure` have one more row, for the padding particle.
     Neighbors* neighbors;

@@ -94,6 +94,37 @@ int64_t Solver::find_neighbors(const Frame& frame, const Isa& isa, int threads, 
     return pairs;
 }
 
+// Places what moves at the start of a substep.
+void Solver::place_moving(const MovingSolids& moving, int substep, MovingFrame& placed) {
+    const double from = static_cast<double>(substep) / parameters_.substeps,
+                 to = static_cast<double>(substep + 1) / parameters_.substeps;
+    const double time = parameters_.substep_time();
+    moving_boundaries_.resize(moving.solids.size());
+    for (size_t k = 0; k < moving.solids.size(); ++k) {
+        const MovingSolid& solid = moving.solids[k];
+        MovingBoundary& boundary = moving_boundaries_[k];
+        boundary.step = solid.motion.step(from, to, from, time);
+        boundary.boundary_map = solid.boundary_map;
+        std::copy_n(boundary.step.place.rotation, 9, boundary.boundary_map.rotation);
+        for (int axis = 0; axis < 3; ++axis) {
+            boundary.lower[axis] = solid.lower[axis] - parameters_.kernel_support;
+            boundary.upper[axis] = solid.upper[axis] + parameters_.kernel_support;
+        }
+    }
+    if (moving.walls) moving_walls_ = moving.walls->step(from, to, from, time);
+    placed = {moving.walls ? &moving_walls_ : nullptr, moving_boundaries_.data(), static_cast<int32_t>(moving.solids.size()),
+              solid_rate_.data()};
+}
+
+// The pressure p of a particle changes its velocity by -p times the boundary's density gradient. The work of a solid is that
+// impulse times the solid's velocity.
+void Solver::add_solid_work(int32_t count) {
+    double work = 0;
+    for (size_t i = 0; i < static_cast<size_t>(count); ++i)
+        work -= pressure_[static_cast<size_t>(PRESSURE_ROW) * i + 3] * solid_rate_[i];
+    solid_work_ += work / count;
+}
+
 int64_t Solver::advance(const Fluid& fluid, float* positions, float* velocities, const SubstepRecord& record, const Isa& isa,
                         int threads, int64_t max_pairs) {
     const std::lock_guard<std::mutex> alone(stepping_);
@@ -106,11 +137,19 @@ int64_t Solver::advance(const Fluid& fluid, float* positions, float* velocities,
     const int64_t pairs = find_neighbors(frame, isa, workers, max_pairs);
     if (pairs > max_pairs) return pairs;
     const int32_t portion = 4 * isa.rows;
+    MovingFrame moving{};
+    solid_work_ = 0;
+    if (fluid.moving) {
+        solid_rate_.resize(static_cast<size_t>(fluid.count));
+        frame.moving = &moving;
+    }
     for (int substep = 0; substep < parameters_.substeps; ++substep) {
+        if (fluid.moving) place_moving(*fluid.moving, substep, moving);
         in_parallel(workers, fluid.count, portion,
                     [&](int, int32_t begin, int32_t end) { isa.compute_pressures(frame, substep, begin, end); });
         in_parallel(workers, fluid.count, portion,
                     [&](int, int32_t begin, int32_t end) { isa.apply_pressures(frame, substep, begin, end); });
+        if (fluid.moving) add_solid_work(fluid.count);
     }
     return finite ? pairs : -1;
 }

@@ -9,6 +9,7 @@
 #include "runtime/aligned.hpp"
 #include "runtime/arena.hpp"
 #include "sph/cell_list.hpp"
+#include "sph/moving_solids.hpp"
 #include "sph/parameters.hpp"
 
 namespace surfsup {
@@ -19,6 +20,7 @@ struct Fluid {
     const float *positions, *velocities, *predicted_positions, *solid_distance, *solid_normal;
     const float *gravity, *lower, *upper;
     BoundaryMapView boundary_map;
+    const MovingSolids* moving;  // nullptr where nothing moves
 };
 
 class Solver {
@@ -28,21 +30,30 @@ public:
 
     // Advances by one frame without energy limit and collision handling. Writes positions and velocities (count, 3) and, where
     // its pointers are set, the record of the last substep. Returns the number of neighbor pairs; beyond `max_pairs` it stops
-    // early. Returns -1 if a position is not finite. Throws std::bad_alloc.
+    // early. Returns -1 if a position is not finite. Throws std::bad_alloc. With moving solids there is no record.
     int64_t advance(const Fluid& fluid, float* positions, float* velocities, const SubstepRecord& record, const Isa& isa,
                     int threads, int64_t max_pairs);
 
     const SolverParameters& parameters() const { return parameters_; }
 
+    // Work of moving solids and walls on the particles in the last frame, mean J/kg.
+    double solid_work() const { return solid_work_; }
+
 private:
     bool prepare(const Fluid& fluid, Frame& frame);
     int64_t find_neighbors(const Frame& frame, const Isa& isa, int threads, int64_t max_pairs);
+    void place_moving(const MovingSolids& moving, int substep, MovingFrame& placed);
+    void add_solid_work(int32_t count);
 
     SolverParameters parameters_;
     // Reused from frame to frame; a second caller waits.
     std::mutex stepping_;
     CellList cells_;
     AlignedFloats midpoints_, x_, y_, z_, motion_, pressure_;
+    AlignedFloats solid_rate_;
+    std::vector<MovingBoundary> moving_boundaries_;
+    RigidStep moving_walls_{};
+    double solid_work_ = 0;
     std::vector<Neighbors> neighbors_;
     std::vector<ParticleWork> work_;
     std::vector<Arena> arenas_, searching_;

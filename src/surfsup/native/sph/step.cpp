@@ -39,14 +39,19 @@ StepResult step(Solver& solver, Fluid fluid, const SolidQuery& solid, bool handl
     fluid.solid_normal = normal.empty() ? nullptr : normal.data();
     std::fill_n(state.collided, count, false);
     const int64_t pairs = solver.advance(fluid, state.positions, state.velocities, record, isa, threads, max_pairs);
-    if (pairs < 0 || pairs > max_pairs) return {pairs, false};
+    if (pairs < 0 || pairs > max_pairs) return {pairs, 0, false};
+    const double work = fluid.moving ? solver.solid_work() : 0;
     const double gain =
         energy_gain(fluid.positions, fluid.velocities, state.positions, state.velocities, fluid.count, fluid.gravity);
-    if (gain > parameters.max_energy_gain) return {pairs, false};
-    if (handle_collisions)
+    if (gain - work > parameters.max_energy_gain) return {pairs, work, false};
+    if (handle_collisions && fluid.moving)
+        resolve_moving_collisions(fluid.positions, state.positions, state.velocities, state.collided, fluid.count,
+                                  {fluid.lower, fluid.upper}, parameters.collision, solid, &last_query, *fluid.moving,
+                                  parameters.frame_time);
+    else if (handle_collisions)
         resolve_collisions(fluid.positions, state.positions, state.velocities, state.collided, fluid.count,
                            {fluid.lower, fluid.upper}, parameters.collision, solid, &last_query);
-    return {pairs, true};
+    return {pairs, work, true};
 }
 
 }  // namespace surfsup

@@ -15,8 +15,9 @@ struct NewState {
 };
 
 struct StepResult {
-    int64_t pairs;  // of neighbors, see Solver::advance
-    bool finished;  // false where the energy limit was exceeded: limiting and collision handling are left to the caller
+    int64_t pairs;      // of neighbors, see Solver::advance
+    double solid_work;  // of moving solids and walls on the particles, mean J/kg
+    bool finished;      // false where the energy limit was exceeded: limiting and collision handling are left to the caller
 };
 
 // `fluid` needs neither predicted positions nor distances and normals of the solid: they are computed here. `last_query` holds

@@ -96,7 +96,7 @@ class DeepSdf(nn.Module):
             return self.codes[0]
         if name is None:
             raise InputError(
-                f"{self.source}: holds {len(self.names)} shapes; choose one by its name, as '{self.names[0]}'"
+                f"{self.source}: holds {len(self.names)} shapes; choose one by its name, as in --shape {self.names[0]}"
             )
         if name not in self.names:
             near = difflib.get_close_matches(name, self.names, n=1) or self.names[:1]

@@ -19,8 +19,9 @@ from surfsup.errors import InputError
 from surfsup.scene import Container
 from surfsup.sdf import Surface
 from surfsup.sph.boundary.density import MIN_DEPTH, VOLUME_FACTOR
-from surfsup.sph.boundary.scene_boundaries import map_in_container
+from surfsup.sph.boundary.scene_boundaries import map_in_container, whole_map
 from surfsup.sph.boundary.shape_functions import CELL_NODES, shape_functions
+from surfsup.sph.boundary.volume_map import VolumeMap
 from surfsup.sph.kernels import KERNEL_SUPPORT
 
 FULL_VOLUME = VOLUME_FACTOR * 4 / 3 * np.pi * KERNEL_SUPPORT**3  # m³: the map's volume inside a solid without end
@@ -55,6 +56,11 @@ class MapTables:
         except InputError:
             lower, cell, resolution = np.zeros(3, np.float32), np.ones(3, np.float32), np.ones(3, np.int32)
             return cls(lower, cell, resolution, np.full(1, -1, np.int32), far_nodes())
+        return cls.of_map(volume_map)
+
+    @classmethod
+    def of_map(cls, volume_map: VolumeMap) -> MapTables:
+        """The tables of a volume map."""
         cell_indices = np.full(int(volume_map.resolution.prod()), -1, np.int32)
         cell_indices[volume_map.cells] = np.arange(len(volume_map.cells))
         distances = volume_map.distances[volume_map.cell_nodes]
@@ -99,6 +105,15 @@ class BoundaryMap:
     def of(cls, surface: Surface, container: Container) -> BoundaryMap:
         """The map of ``surface``; its tables are made by the first query."""
         return cls(cache(lambda: MapTables.of(surface, container)))
+
+    @classmethod
+    def of_whole(cls, surface: Surface, name: str) -> BoundaryMap:
+        """The map of all of ``surface``, which moves under ``name``; its tables are made by the first query.
+
+        Raises:
+            InputError: by that query: the surface is too large, or has no point at all.
+        """
+        return cls(cache(lambda: MapTables.of_map(whole_map(surface, name, -MIN_DEPTH))))
 
     @property
     def tables(self) -> MapTables:

@@ -7,6 +7,7 @@ from functools import lru_cache
 import numpy as np
 from torch import Tensor
 
+from surfsup.errors import InputError
 from surfsup.scene import WALL_CELL, Container, Scene
 from surfsup.sdf import Box, MeshSurface, Surface, Transformed, polygonize
 from surfsup.sph.boundary.volume_map import VolumeMap, build_volume_map
@@ -14,6 +15,7 @@ from surfsup.sph.kernels import KERNEL_SUPPORT
 
 SURFACE_CELL = 0.025  # meters
 WALL_MARGIN = 0.1  # meters that a map extends past the walls, so that a particle that slips through is pushed back
+MAX_CELLS = 4_000_000  # of the map of a solid that moves: about 2 GB while it is made
 MESH_RESOLUTION = 160  # marching cubes cells along the longest side, for a solid whose value is only a bound
 
 
@@ -34,13 +36,13 @@ class Walls(Surface):
 
 
 def scene_volume_maps(scene: Scene, surface: Surface | None) -> list[VolumeMap]:
-    """The volume maps of ``scene``: its container, then ``surface`` if there is one.
+    """The volume maps of ``scene``: its container unless it is open, then ``surface`` if there is one.
 
     Raises:
         InputError: the surface has no point near the container.
     """
-    walls = wall_map(scene.container)
-    return [walls] if surface is None else [walls, surface_map(surface, scene.container)]
+    walls = [] if scene.container.open else [wall_map(scene.container.model_copy(update={"motion": None}))]
+    return walls if surface is None else [*walls, surface_map(surface, scene.container)]
 
 
 @lru_cache(maxsize=4)
@@ -60,8 +62,12 @@ def surface_map(surface: Surface, container: Container) -> VolumeMap:
     Raises:
         InputError: the surface has no point near the container.
     """
-    exact = surface if surface.exact_outside else MeshSurface(polygonize(surface, MESH_RESOLUTION), exact=True)
-    return map_in_container(exact, container)
+    return map_in_container(exact_outside(surface), container)
+
+
+def exact_outside(surface: Surface) -> Surface:
+    """The surface, or its triangles if its value outside is only a bound."""
+    return surface if surface.exact_outside else MeshSurface(polygonize(surface, MESH_RESOLUTION), exact=True)
 
 
 def map_in_container(surface: Surface, container: Container, depth: float = KERNEL_SUPPORT) -> VolumeMap:
@@ -75,3 +81,23 @@ def map_in_container(surface: Surface, container: Container, depth: float = KERN
     lower = np.maximum(lower - reach, np.asarray(container.lower) - WALL_MARGIN)
     upper = np.minimum(upper + reach, np.asarray(container.upper) + WALL_MARGIN)
     return build_volume_map(surface, lower, upper, np.full(3, SURFACE_CELL), depth)
+
+
+def whole_map(surface: Surface, name: str, depth: float = KERNEL_SUPPORT) -> VolumeMap:
+    """The volume map of all of ``surface``, in its own frame, from its own value, down to ``depth`` meters inside.
+
+    Args:
+        surface: a solid that moves.
+        name: of the solid, for the message.
+        depth: meters.
+
+    Raises:
+        InputError: the solid is too large for a map, or has no point.
+    """
+    lower, upper = surface.bounds().detach().cpu().double().numpy()
+    reach = KERNEL_SUPPORT + SURFACE_CELL
+    cells = np.prod(np.ceil((upper - lower + 2 * reach) / SURFACE_CELL))
+    if not cells <= MAX_CELLS:
+        sides = " x ".join(f"{side:.3g}" for side in upper - lower)
+        raise InputError(f"surface '{name}' is {sides} m large, too large for a solid that moves; make it smaller")
+    return build_volume_map(surface, lower - reach, upper + reach, np.full(3, SURFACE_CELL), depth)

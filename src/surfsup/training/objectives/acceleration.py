@@ -16,8 +16,11 @@ from surfsup.sph.kernels import KERNEL_SUPPORT
 from surfsup.sph.neighbor_search import find_neighbors
 from surfsup.training.config import Phase
 from surfsup.training.objectives.density_loss import density_loss
+from surfsup.training.objectives.displaced_water import displace_water
 from surfsup.training.objectives.drift import MAX_VELOCITY_DRIFT, clamp_length
 from surfsup.training.objectives.objective import Objective, WindowLoss, masked_mean
+from surfsup.training.objectives.outside_target import outside_target
+from surfsup.training.objectives.small_errors import small_error_loss
 
 NEAR_WEIGHT = 5.0  # lambda of the supplement
 
@@ -42,9 +45,14 @@ class AccelerationObjective(Objective[MessagePassingSimulator, History]):
 
     def add_noise(self, state: History, std: float, random: np.random.Generator) -> History:
         """Add a random walk to the history; ``std`` is its standard deviation at the last displacement, meters."""
-        if std == 0:
-            return state
         return self.model.with_noise(state, std, torch.Generator().manual_seed(int(random.integers(2**63))))
+
+    def disturb(self, state: History, window: Window, phase: Phase, random: np.random.Generator) -> History:
+        """A true state with noise and, in the share of the windows that ``phase`` gives, with displaced water."""
+        state = super().disturb(state, window, phase, random)
+        if random.random() < phase.displaced:
+            return displace_water(state, window.environment, random)
+        return state
 
     def next_state(self, state: History, positions: Tensor, velocities: Tensor) -> History:
         """The state one frame after ``state``, at ``positions`` and with ``velocities`` (N, 3), without gradient."""
@@ -54,10 +62,13 @@ class AccelerationObjective(Objective[MessagePassingSimulator, History]):
         """The target (N, 3) of the displacement in the frame after frame ``number`` of a window, meters.
 
         It is the true displacement, as in GNS: the model must correct an error of the last displacement at once, and
-        an error of the position not at all. Of an error beyond MAX_VELOCITY_DRIFT it must correct only that much.
+        an error of the position not at all. Of an error beyond MAX_VELOCITY_DRIFT it must correct only that much. It
+        does not lead into the solid or a wall, but out of them.
         """
+        step, positions = MAX_VELOCITY_DRIFT * FRAME_TIME, state.positions.detach()
         drift = (state.displacements[:, 0] - true_displacement(window, number - 1)).detach()
-        return true_displacement(window, number) + drift - clamp_length(drift, MAX_VELOCITY_DRIFT * FRAME_TIME)
+        target = positions + true_displacement(window, number) + drift - clamp_length(drift, step)
+        return outside_target(positions, target, step, window.environment) - positions
 
     def window_losses(
         self, states: Sequence[History], windows: Sequence[Window], number: int, phase: Phase
@@ -77,6 +88,8 @@ class AccelerationObjective(Objective[MessagePassingSimulator, History]):
                 near = window.environment.distance_and_normal(state.positions)[0] < NEAR_SURFACE_DISTANCE
             error = (acceleration - target).square().mean(dim=-1)
             loss = (torch.where(near, NEAR_WEIGHT, 1.0) * error).mean()
+            if phase.small_errors > 0:
+                loss = loss + phase.small_errors * small_error_loss(error).mean()
             if phase.density > 0:
                 distance, _ = window.environment.distance_and_normal(positions)
                 neighbors = find_neighbors(positions, KERNEL_SUPPORT)

@@ -19,33 +19,22 @@ from surfsup.sph.state import ParticleState
 from surfsup.training.config import Phase
 from surfsup.training.objectives.correction_loss import (
     correction_loss,
-    small_error_loss,
     squared_error,
     target_correction,
 )
 from surfsup.training.objectives.drift import drift_weight
 from surfsup.training.objectives.objective import Objective, WindowLoss, masked_mean
-
-NOISE_DECADES = 2.0  # the noise of a window is up to this many powers of ten smaller than configured
+from surfsup.training.objectives.small_errors import small_error_loss
 
 
 class CorrectionObjective(Objective[CorrectedSimulator, ParticleState]):
     """The scaled squared error and, in phases with that term, the logarithm of small errors."""
 
     def add_noise(self, state: ParticleState, std: float, random: np.random.Generator) -> ParticleState:
-        """Add noise like the model's own error: position and velocity errors are correlated.
-
-        Its standard deviation is drawn anew for every window, log-uniformly up to ``std`` meters, so that calm states
-        stay calm.
-        """
-        if std == 0:
-            return state
-        own_std = std * 10 ** random.uniform(-NOISE_DECADES, 0)
+        """Add noise like the model's own error: position and velocity errors are correlated."""
 
         def draw() -> Tensor:
-            return torch.from_numpy(random.normal(0, own_std, state.positions.shape).astype(np.float32)).to(
-                state.positions
-            )
+            return torch.from_numpy(random.normal(0, std, state.positions.shape).astype(np.float32)).to(state.positions)
 
         velocity_noise = draw() / FRAME_TIME
         position_noise = POSITION_SHARE * FRAME_TIME * velocity_noise + 0.5 * draw()
@@ -70,10 +59,9 @@ class CorrectionObjective(Objective[CorrectedSimulator, ParticleState]):
             target = target_correction(observation, before, after)
             weight = drift_weight(observation.state.positions - before[0]).detach()
             near = observation.last_query.distance < NEAR_SURFACE_DISTANCE
-            loss = correction_loss(correction, target, near, weight)
+            loss, error = correction_loss(correction, target, near, weight), squared_error(correction, target)
             if phase.small_errors > 0:
-                loss = loss + phase.small_errors * small_error_loss(correction, target, weight)
-            error = squared_error(correction, target)
+                loss = loss + phase.small_errors * (weight * small_error_loss(error)).mean()
             positions, velocities = correction.added_to(observation.positions, observation.velocities)
             losses.append(WindowLoss(loss, masked_mean(error, near), masked_mean(error, ~near), positions, velocities))
         return losses

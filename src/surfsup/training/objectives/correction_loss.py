@@ -16,7 +16,6 @@ Frame = tuple[Tensor, Tensor]  # positions and velocities
 NEAR_WEIGHT = 2.0
 POSITION_RETURN = 0.3  # share of the position drift that the target of a frame corrects
 SIZE_FLOOR = 0.05  # added to a frame's mean squared target, so that frames at rest do not dominate
-SMALL_ERROR = 0.1  # in units of a correction; the small-error term ignores errors far below it
 
 
 def target_correction(observation: Observation, before: Frame, after: Frame) -> Correction:
@@ -55,15 +54,6 @@ def correction_loss(predicted: Correction, target: Correction, near: Tensor, wei
     size = target.velocity.detach().square().sum(dim=-1).mean()
     error = near_weight * weight * squared_error(predicted, target)
     return error.sum() / near_weight.sum() / (size + SIZE_FLOOR).sqrt()
-
-
-def small_error_loss(predicted: Correction, target: Correction, weight: Tensor) -> Tensor:
-    """The mean logarithm of the squared error, which rewards halving a small error as much as halving a large one.
-
-    Compared with an impact, free fall and a pool at rest have no weight in a squared error. But they last: hundredths
-    of a millimeter a frame in free fall add up to millimeters at the impact, which decide the splash.
-    """
-    return (weight * torch.log1p(squared_error(predicted, target) / SMALL_ERROR**2)).mean()
 
 
 def squared_error(predicted: Correction, target: Correction) -> Tensor:

@@ -81,34 +81,45 @@ class Objective(nn.Module, ABC, Generic[Model, State]):
 
         The rollouts of the batch advance by this step, without gradient.
         """
-        states: Sequence[State] = batch.states or self.initial_states(batch, phase.noise)  # type: ignore[assignment]  # states of its own simulator
+        states: Sequence[State] = batch.states or self.initial_states(batch, phase)  # type: ignore[assignment]  # states of its own simulator
         losses = self.window_losses(states, batch.windows, batch.age, phase)
         next_states: list[FluidState] = []
         for state, window, one in zip(states, batch.windows, losses, strict=True):
-            kept = resolve_collisions(state.positions, one.positions, one.velocities, window.environment)
-            next_states.append(self.next_state(state, kept.positions.detach(), kept.velocities.detach()))
+            positions, velocities = one.positions.detach(), one.velocities.detach()
+            if phase.handle_collisions:
+                result = resolve_collisions(state.positions, positions, velocities, window.environment)
+                positions, velocities = result.positions, result.velocities
+            next_states.append(self.next_state(state, positions, velocities))
         batch.states, batch.age = next_states, batch.age + 1
         rows = torch.stack([torch.stack([one.loss.detach(), one.near, one.far]) for one in losses])
         return torch.stack([one.loss for one in losses]).mean(), rows
 
-    def initial_states(self, batch: Batch, noise: float) -> list[State]:
-        """The states of the windows at their present frames, with noise of ``noise`` meters.
+    def true_states(self, batch: Batch) -> list[State]:
+        """The states of the windows at their present frames."""
+        return [self.model.state_from_frames(*window.history) for window in batch.windows]
 
-        Windows at the start of their scene get no noise.
-        """
+    def initial_states(self, batch: Batch, phase: Phase) -> list[State]:
+        """The states that the rollouts begin with: the true ones with the disturbances of ``phase``."""
         return [
-            self.add_noise(
-                self.model.state_from_frames(*window.history), 0.0 if window.at_scene_start else noise, random
-            )
-            for window, random in zip(batch.windows, batch.randoms, strict=True)
+            self.disturb(state, window, phase, random)
+            for state, window, random in zip(self.true_states(batch), batch.windows, batch.randoms, strict=True)
         ]
+
+    def disturb(self, state: State, window: Window, phase: Phase, random: np.random.Generator) -> State:
+        """A true state with noise; one at the start of its scene stays true.
+
+        The standard deviation of the noise is drawn anew for every window, so that calm states stay calm.
+        """
+        if window.at_scene_start or phase.noise == 0:
+            return state
+        return self.add_noise(state, phase.noise * 10 ** random.uniform(-phase.noise_decades, 0), random)
 
     def fit_normalizers(self, examples: Iterable[Window], randoms: Sequence[np.random.Generator], noise: float) -> None:
         """Measure the normalizers of the model on examples; by default there are none."""
 
     @abstractmethod
     def add_noise(self, state: State, std: float, random: np.random.Generator) -> State:
-        """A true state with errors like those of the model, of at most ``std`` meters."""
+        """A true state with errors like those of the model, of about ``std`` meters."""
 
     @abstractmethod
     def next_state(self, state: State, positions: Tensor, velocities: Tensor) -> State:

@@ -24,6 +24,15 @@ function perspective(fov, aspect, near, far) {
   const f = 1 / Math.tan(fov / 2);
   return [f / aspect, 0, 0, 0, 0, f, 0, 0, 0, 0, (far + near) / (near - far), -1, 0, 0, 2 * far * near / (near - far), 0];
 }
+// The matrix from a solid's frame to the world between two poses: x, y, z, then a quaternion w, x, y, z.
+function placement(a, b, blend) {
+  const sign = a[3] * b[3] + a[4] * b[4] + a[5] * b[5] + a[6] * b[6] < 0 ? -1 : 1;
+  const mixed = Array.from(a, (value, k) => (1 - blend) * value + blend * (k > 2 ? sign : 1) * b[k]), q = mixed.slice(3), l = Math.hypot(...q);
+  const [w, x, y, z] = q.map((value) => value / l);
+  return [1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y), 0, 2 * (x * y - w * z), 1 - 2 * (x * x + z * z), 2 * (y * z + w * x), 0,
+    2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y), 0, mixed[0], mixed[1], mixed[2], 1];
+}
+const STILL = [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1];
 function orthographic(half, near, far) {
   return [1 / half, 0, 0, 0, 0, 1 / half, 0, 0, 0, 0, 2 / (near - far), 0, 0, 0, (far + near) / (near - far), 1];
 }
@@ -78,7 +87,7 @@ float softDepth() { float r2 = dot(disc, disc); if (r2 > 1.0) discard; return -c
 const SCREEN = `layout(location = 0) in vec2 corner; out vec2 uv; void main() { uv = corner * 0.5 + 0.5; gl_Position = vec4(corner, 0.0, 1.0); }`;
 
 const SOURCES = {
-  depthOnly: [`layout(location = 0) in vec3 position; uniform mat4 sunMatrix; void main() { gl_Position = sunMatrix * vec4(position, 1.0); }`, `void main() {}`],
+  depthOnly: [`layout(location = 0) in vec3 position; uniform mat4 sunMatrix, model; void main() { gl_Position = sunMatrix * model * vec4(position, 1.0); }`, `void main() {}`],
   particleShadow: [PARTICLE, SPHERE + `void main() { sphere(); }`],
   floor: [`layout(location = 0) in vec2 corner; uniform mat4 view, projection; out vec3 p;
     void main() { p = vec3(corner * 12.0, 0.0); gl_Position = projection * view * vec4(p, 1.0); }`,
@@ -90,8 +99,8 @@ const SOURCES = {
       color = vec4(mix(c, mix(vec3(0.93, 0.95, 0.97), vec3(0.70, 0.79, 0.88), up * 0.9), far), 1.0); color.rgb = toneMap(color.rgb);
     }`],
   backdrop: [SCREEN, `in vec2 uv; out vec4 color; void main() { color = vec4(toneMap(mix(vec3(0.93, 0.95, 0.97), vec3(0.70, 0.79, 0.88), uv.y * 0.9)), 1.0); }`],
-  solid: [`layout(location = 0) in vec3 position; layout(location = 1) in vec3 normal; uniform mat4 view, projection; out vec3 p, n;
-    void main() { p = position; n = normal; gl_Position = projection * view * vec4(p, 1.0); }`,
+  solid: [`layout(location = 0) in vec3 position; layout(location = 1) in vec3 normal; uniform mat4 view, projection, model; out vec3 p, n;
+    void main() { p = (model * vec4(position, 1.0)).xyz; n = mat3(model) * normal; gl_Position = projection * view * vec4(p, 1.0); }`,
   SHADOW + `in vec3 p, n; uniform vec3 eye; out vec4 color;
     void main() {
       vec3 m = normalize(n), v = normalize(eye - p); if (dot(m, v) < 0.0) m = -m;
@@ -102,8 +111,8 @@ const SOURCES = {
       float rim = pow(1.0 - max(dot(m, v), 0.0), 4.0) * 0.10;
       color = vec4(toneMap(vec3(0.74, 0.38, 0.21) * light + rim), 1.0);
     }`],
-  lines: [`layout(location = 0) in vec3 position; uniform mat4 view, projection; uniform float height; out float fade;
-    void main() { fade = mix(0.55, 0.12, position.z / height); gl_Position = projection * view * vec4(position, 1.0); gl_Position.z -= 2e-4 * gl_Position.w; }`,
+  lines: [`layout(location = 0) in vec3 position; uniform mat4 view, projection, model; uniform float height; out float fade;
+    void main() { fade = mix(0.55, 0.12, position.z / height); gl_Position = projection * view * model * vec4(position, 1.0); gl_Position.z -= 2e-4 * gl_Position.w; }`,
   `in float fade; out vec4 color; void main() { color = vec4(0.42, 0.49, 0.55, fade); }`],
   speed: [PARTICLE, SPHERE + `uniform mat4 view; out vec4 color;
     void main() {
@@ -186,11 +195,12 @@ async function unpack() {
   const buffer = await new Response(stream).arrayBuffer();
   let offset = 0;
   const take = (ArrayType, count) => { const a = new ArrayType(buffer, offset, count); offset += a.byteLength; return a; };
-  const faces = take(Uint32Array, header.faces * 3), vertices = take(Float32Array, header.vertices * 3);
-  const normals = take(Float32Array, header.vertices * 3), positions = take(Uint16Array, header.frames * header.particles * 3);
+  const solids = [header, ...header.moving].map((s) => ({ faces: take(Uint32Array, s.faces * 3), vertices: take(Float32Array, s.vertices * 3), normals: take(Float32Array, s.vertices * 3) }));
+  const poses = Array.from({ length: header.moving.length + header.containerMoves }, () => take(Float32Array, header.frames * 7));
+  const positions = take(Uint16Array, header.frames * header.particles * 3);
   const step = header.particles * 3;  // stored as differences from the previous frame, modulo 2^16
   for (let i = step; i < positions.length; i++) positions[i] = positions[i] + positions[i - step];
-  return { faces, vertices, normals, positions };
+  return { solids, poses, positions };
 }
 
 function main(data) {
@@ -206,10 +216,13 @@ function main(data) {
   const corners = upload(gl.ARRAY_BUFFER, new Float32Array([-1, -1, 1, -1, -1, 1, 1, 1]));
   const screen = gl.createVertexArray(); gl.bindVertexArray(screen);
   gl.enableVertexAttribArray(0); gl.vertexAttribPointer(0, 2, gl.FLOAT, false, 0, 0);
-  const solid = gl.createVertexArray(); gl.bindVertexArray(solid);
-  upload(gl.ARRAY_BUFFER, data.vertices); gl.enableVertexAttribArray(0); gl.vertexAttribPointer(0, 3, gl.FLOAT, false, 0, 0);
-  upload(gl.ARRAY_BUFFER, data.normals); gl.enableVertexAttribArray(1); gl.vertexAttribPointer(1, 3, gl.FLOAT, false, 0, 0);
-  upload(gl.ELEMENT_ARRAY_BUFFER, data.faces);
+  const solids = data.solids.map((mesh) => {
+    const array = gl.createVertexArray(); gl.bindVertexArray(array);
+    upload(gl.ARRAY_BUFFER, mesh.vertices); gl.enableVertexAttribArray(0); gl.vertexAttribPointer(0, 3, gl.FLOAT, false, 0, 0);
+    upload(gl.ARRAY_BUFFER, mesh.normals); gl.enableVertexAttribArray(1); gl.vertexAttribPointer(1, 3, gl.FLOAT, false, 0, 0);
+    upload(gl.ELEMENT_ARRAY_BUFFER, mesh.faces);
+    return { array, count: mesh.faces.length };
+  });
   const [cx, cy, cz] = header.container, box = [];
   const corner = (i, z) => [[-cx, -cy], [cx, -cy], [cx, cy], [-cx, cy]][i % 4].map((x) => x / 2).concat([z]);
   for (let i = 0; i < 4; i++) box.push(corner(i, 0), corner(i + 1, 0), corner(i, cz), corner(i + 1, cz), corner(i, 0), corner(i, cz));
@@ -273,7 +286,16 @@ function main(data) {
   };
   const bindTarget = (t, w, h) => { gl.bindFramebuffer(gl.FRAMEBUFFER, t ? t.frame : null); gl.viewport(0, 0, t ? t.w : w, t ? t.h : h); };
   const drawScreen = () => { gl.bindVertexArray(screen); gl.drawArrays(gl.TRIANGLE_STRIP, 0, 4); };
-  const drawSolid = () => { if (header.faces) { gl.bindVertexArray(solid); gl.drawElements(gl.TRIANGLES, header.faces * 3, gl.UNSIGNED_INT, 0); } };
+  // The first solid stands still; the others and a moving container have poses.
+  const poseAt = (number, frame, blend) => {
+    const at = (f) => data.poses[number].subarray(7 * f, 7 * f + 7);
+    return placement(at(frame), at(Math.min(frame + 1, header.frames - 1)), blend);
+  };
+  const drawSolids = (models) => solids.forEach((solid, k) => {
+    if (!solid.count) return;
+    setters[gl.FLOAT_MAT4](active.uniforms.model[0], models[k]);
+    gl.bindVertexArray(solid.array); gl.drawElements(gl.TRIANGLES, solid.count, gl.UNSIGNED_INT, 0);
+  });
   const drawParticles = () => { gl.bindVertexArray(particles); gl.drawArraysInstanced(gl.TRIANGLE_STRIP, 0, 4, header.particles); };
 
   const start = sub(header.eye, header.target), far0 = Math.hypot(...start);
@@ -299,21 +321,22 @@ function main(data) {
     const near = 0.05 * distance, far = 3 * distance + 10;
     const view = lookAt(eye, orbit.target, [0, 0, 1]), projection = perspective(fov, aspect, near, far);
     projection[9] = -LIFT;
-    const values = { view, projection, eye, sunMatrix, blend, low: header.low, extent: header.extent, frameTime: header.frameTime, viewport: [w, h], height: cz, radius: header.radius };
+    const values = { view, projection, eye, sunMatrix, blend, low: header.low, extent: header.extent, frameTime: header.frameTime * Math.sqrt(header.scale), viewport: [w, h], height: cz, radius: header.radius };
 
+    const models = solids.map((_, k) => (k ? poseAt(k - 1, frame, blend) : STILL));
     gl.enable(gl.DEPTH_TEST); gl.disable(gl.BLEND); gl.depthMask(true);
     bindTarget(shadow); gl.clear(gl.DEPTH_BUFFER_BIT);
-    use("depthOnly", values); drawSolid();
+    use("depthOnly", values); drawSolids(models);
     use("particleShadow", { ...values, view: sunView, projection: sunProjection, radius: header.radius }); drawParticles();
 
     const asWater = style.value === "water";
     bindTarget(targets.scene); gl.clear(gl.DEPTH_BUFFER_BIT);
     gl.disable(gl.DEPTH_TEST); use("backdrop", values); drawScreen(); gl.enable(gl.DEPTH_TEST);
     if (eye[2] > 0) { use("floor", values, { shadowMap: shadow.depth }); drawScreen(); }
-    use("solid", values, { shadowMap: shadow.depth }); drawSolid();
+    use("solid", values, { shadowMap: shadow.depth }); drawSolids(models);
     if (!asWater) { use("speed", { ...values, radius: header.radius * 1.05 }); drawParticles(); }
     gl.enable(gl.BLEND); gl.blendFunc(gl.SRC_ALPHA, gl.ONE_MINUS_SRC_ALPHA); gl.depthMask(false);
-    use("lines", values); gl.bindVertexArray(lines); gl.drawArrays(gl.LINES, 0, 24);
+    if (!header.open) { use("lines", { ...values, model: header.containerMoves ? poseAt(header.moving.length, frame, blend) : STILL }); gl.bindVertexArray(lines); gl.drawArrays(gl.LINES, 0, 24); }
     gl.disable(gl.BLEND); gl.depthMask(true);
 
     if (!asWater) { gl.disable(gl.DEPTH_TEST); bindTarget(null, w, h); use("copy", {}, { scene: targets.scene.color }); drawScreen(); return; }

@@ -1,0 +1,148 @@
+"""The solids of a scene: those that stand still as one surface, and those that may move, each in its own frame."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import torch
+
+from surfsup.errors import InputError
+from surfsup.scene.mesh_surface import MeshFileSurface
+from surfsup.scene.motion import Motion, PoseFunction
+from surfsup.scene.pose import Pose
+from surfsup.scene.quaternion import about_axis
+from surfsup.scene.shapes import Shape
+from surfsup.sdf import Surface, Transformed, Union
+
+if TYPE_CHECKING:
+    from surfsup.scene.scene import Scene
+
+CONTAINER = "container"  # the name under which the container moves
+
+
+class NamedShape(Shape):
+    """A surface under ``surfaces``: a shape that may have a motion. ``at`` and ``rotate`` are its pose at rest."""
+
+    motion: Motion | None = None
+
+    @property
+    def rest(self) -> Pose:
+        """Where the shape stands without a motion."""
+        turn = self.rotate
+        rotation = about_axis(turn.axis, torch.pi * turn.degrees / 180) if turn else (1.0, 0.0, 0.0, 0.0)
+        return Pose.of(self.at, rotation)
+
+    def own_surface(self, folder: Path) -> Surface:
+        """The surface in its own frame: scaled, neither rotated nor moved."""
+        return self.model_copy(update={"rotate": None, "at": (0.0, 0.0, 0.0)}).surface(folder)
+
+    def map_files(self, function: Callable[[Path], Path]) -> NamedShape:
+        """A copy with ``function`` applied to the path of every file, that of its motion too."""
+        changed = super().map_files(function)
+        motion = None if self.motion is None else self.motion.map_files(function)
+        return changed.model_copy(update={"motion": motion})
+
+
+@dataclass(frozen=True)
+class MovingSolid:
+    """A solid that may move.
+
+    Attributes:
+        name: its key under ``surfaces``.
+        surface: in its own frame.
+        pose: its pose at a time in seconds.
+    """
+
+    name: str
+    surface: Surface
+    pose: PoseFunction
+
+    def at(self, pose: Pose) -> Surface:
+        """The surface in the world."""
+        return Transformed(self.surface, torch.from_numpy(pose.matrix).float(), torch.from_numpy(pose.position).float())
+
+
+@dataclass(frozen=True)
+class Solids:
+    """The solids of a scene.
+
+    Attributes:
+        still: the union of all that stands still, or None.
+        moving: those that move.
+        container: the pose of a container that moves, or None.
+    """
+
+    still: Surface | None
+    moving: tuple[MovingSolid, ...] = ()
+    container: PoseFunction | None = None
+
+    @property
+    def move(self) -> bool:
+        """Whether anything moves."""
+        return bool(self.moving) or self.container is not None
+
+    def poses(self, time: float) -> dict[str, Pose]:
+        """The pose by name of all that moves, at a time in seconds."""
+        poses = {solid.name: solid.pose(time) for solid in self.moving}
+        return poses if self.container is None else {**poses, CONTAINER: self.container(time)}
+
+    def at(self, poses: Mapping[str, Pose]) -> Surface | None:
+        """All solids as one surface in the world."""
+        placed = [solid.at(poses[solid.name]) for solid in self.moving]
+        parts = placed if self.still is None else [self.still, *placed]
+        return None if not parts else parts[0] if len(parts) == 1 else Union(*parts)
+
+    def at_time(self, time: float) -> Surface | None:
+        """All solids as one surface in the world, at a time in seconds."""
+        return self.at(self.poses(time))
+
+
+def build_solids(scene: Scene, movable: Collection[str] = ()) -> Solids:
+    """The solids of a scene.
+
+    Args:
+        scene: the scene.
+        movable: names of surfaces, and perhaps the container, that stand still in the scene but may be moved.
+
+    Raises:
+        InputError: a file of a surface or a motion is missing or unusable, or there is no such surface.
+    """
+    if unknown := [name for name in movable if name not in scene.surfaces and name != CONTAINER]:
+        known = ", ".join(scene.surfaces) or "none; name them under 'surfaces'"
+        raise InputError(f"there is no surface '{unknown[0]}' to move; the scene's are {known}")
+    still, moving = [] if scene.surface is None else [scene.build_single_surface()], []
+    for name, entry in scene.surfaces.items():
+        motion = entry.motion if isinstance(entry, NamedShape) else None
+        if motion is None and name not in movable:
+            still.append(entry.surface(scene.base_folder) if isinstance(entry, Shape) else entry)
+            continue
+        shape = as_named_shape(entry)
+        if shape is None:
+            assert isinstance(entry, Surface)
+            rest, surface = Pose.of(), entry
+        else:
+            rest, surface = shape.rest, shape.own_surface(scene.base_folder)
+        pose = constant(rest) if motion is None else motion.pose_function(rest, scene.base_folder)
+        moving.append(MovingSolid(name, surface, pose))
+    container, shaken = None, scene.container.motion
+    if shaken is not None or CONTAINER in movable:
+        container = constant(Pose.of()) if shaken is None else shaken.pose_function(Pose.of(), scene.base_folder)
+    parts = [surface for surface in still if surface is not None]
+    return Solids(None if not parts else parts[0] if len(parts) == 1 else Union(*parts), tuple(moving), container)
+
+
+def as_named_shape(entry: Shape | Surface) -> NamedShape | None:
+    """The description of a surface; None for an object that no file describes."""
+    if isinstance(entry, MeshFileSurface):
+        entry = entry.shape
+    if isinstance(entry, NamedShape) or not isinstance(entry, Shape):
+        return entry if isinstance(entry, NamedShape) else None
+    return NamedShape(**dict(entry))
+
+
+def constant(pose: Pose) -> PoseFunction:
+    """The motion of what stands still."""
+    return lambda time: pose

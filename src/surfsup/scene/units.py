@@ -1,0 +1,162 @@
+"""Froude similarity: how a scene with particles of any size relates to one in the units of the simulators.
+
+The solver, the networks, the reference and the boundary volume maps know particles of one radius, 15 mm, and frames of
+5 ms. Two scenes whose lengths have the ratio s flow alike under the same gravity if times and velocities have the ratio
+√s and kinematic viscosities s^1.5: the Froude number v² / (g l) and the Reynolds number v l / ν are then equal
+(G. K. Batchelor, "An Introduction to Fluid Dynamics", 1967, section 4.7). So a scene with particles of radius r is
+simulated at the size at which they have 15 mm, with s = r / 15 mm, and its frames are scaled back.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from surfsup.scene.fluid import PARTICLE_RADIUS, InitialParticles
+from surfsup.scene.motion import PoseFunction
+from surfsup.scene.pose import Pose
+from surfsup.scene.solids import Solids
+from surfsup.scene.strict_model import Vector
+from surfsup.sdf import Surface, Transformed
+
+if TYPE_CHECKING:
+    from surfsup.scene.scene import Scene
+
+FRAME_TIME = 0.005  # seconds between the simulators' frames, in their own units
+
+
+@dataclass(frozen=True)
+class Units:
+    """Factors that take values of the simulators to values of a scene.
+
+    Attributes:
+        radius: particle radius of the scene in meters.
+
+    Examples:
+        >>> units = Units(0.06)  # particles four times as large
+        >>> units.length, units.velocity, units.viscosity
+        (4.0, 2.0, 8.0)
+        >>> round(units.frame_time, 6)
+        0.01
+    """
+
+    radius: float
+
+    @property
+    def length(self) -> float:
+        """Of lengths."""
+        return self.radius / PARTICLE_RADIUS
+
+    @property
+    def time(self) -> float:
+        """Of times."""
+        return math.sqrt(self.length)
+
+    @property
+    def velocity(self) -> float:
+        """Of velocities."""
+        return math.sqrt(self.length)
+
+    @property
+    def viscosity(self) -> float:
+        """Of kinematic viscosities."""
+        return self.length**1.5
+
+    @property
+    def frame_time(self) -> float:
+        """Seconds of the scene in a frame of the simulators."""
+        return FRAME_TIME * self.time
+
+    @property
+    def same(self) -> bool:
+        """Whether nothing changes."""
+        return self.length == 1.0
+
+    def scene_to_solver(self, scene: Scene) -> Scene:
+        """``scene`` at the size at which its particles have the solver's radius, without its fluid and solids.
+
+        They are placed in the scene's own units; :meth:`particles_to_solver` and :meth:`solids_to_solver` convert them.
+        """
+        if self.same:
+            return scene
+        s = self.length
+        size = scene.container.size
+        sides = (size[0] / s, size[1] / s, size[2] / s)
+        changes: dict[str, object] = {
+            "container": scene.container.model_copy(update={"size": sides, "motion": None}),
+            "surface": None,
+            "surfaces": {},
+            "fluid": [],
+            "particle_radius": PARTICLE_RADIUS,
+        }
+        copy = scene.model_copy(update={**changes, "fps": scene.fps and scene.fps * self.time, "duration": None})
+        return copy.with_base_folder(scene.base_folder)
+
+    def surface_to_solver(self, surface: Surface | None) -> Surface | None:
+        """A solid in the units of the scene as one in those of the solver."""
+        return surface if surface is None or self.same else Transformed(surface, scale=1 / self.length)
+
+    def solids_to_solver(self, solids: Solids, start_time: float = 0.0) -> Solids:
+        """The solids of a scene in the units of the solver, whose time 0 is ``start_time`` seconds of the scene."""
+        if self.same and start_time == 0:
+            return solids
+        moving = tuple(
+            replace(
+                solid,
+                surface=solid.surface if self.same else Transformed(solid.surface, scale=1 / self.length),
+                pose=self.motion_to_solver(solid.pose, start_time),
+            )
+            for solid in solids.moving
+        )
+        container = None if solids.container is None else self.motion_to_solver(solids.container, start_time)
+        return Solids(self.surface_to_solver(solids.still), moving, container)
+
+    def motion_to_solver(self, motion: PoseFunction, start_time: float) -> PoseFunction:
+        """The pose over the time of the solver, which is 0 at ``start_time`` seconds of the scene."""
+        return lambda time: self.pose_to_solver(motion(start_time + self.time * time))
+
+    def pose_to_solver(self, pose: Pose) -> Pose:
+        """A pose of a scene in the units of the solver."""
+        return pose if self.same else Pose(pose.position / self.length, pose.rotation)
+
+    def particles_to_solver(self, start: InitialParticles) -> InitialParticles:
+        """The particles of a scene in the units of the solver."""
+        if self.same:
+            return start
+        return scaled(start, 1 / self.length, 1 / self.velocity)
+
+    def particles_from_solver(self, start: InitialParticles) -> InitialParticles:
+        """Particles in the units of the solver as those of a scene; the inverse of :meth:`particles_to_solver`."""
+        return start if self.same else scaled(start, self.length, self.velocity)
+
+    def frame_to_solver(self, positions: np.ndarray, velocities: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Positions and velocities (N, 3) of a frame of the scene in the units of the solver."""
+        if self.same:
+            return positions, velocities
+        return positions / np.float32(self.length), velocities / np.float32(self.velocity)
+
+    def frame_from_solver(self, positions: np.ndarray, velocities: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Positions and velocities (N, 3) of a frame of the solver in the units of the scene."""
+        if self.same:
+            return positions, velocities
+        return np.float32(self.length) * positions, np.float32(self.velocity) * velocities
+
+
+def scaled(start: InitialParticles, length: float, velocity: float) -> InitialParticles:
+    """Particles with all positions times ``length`` and all velocities times ``velocity``, in single precision."""
+
+    def times(values: np.ndarray, factor: float) -> np.ndarray:
+        return (np.asarray(values, np.float64) * factor).astype(np.float32)
+
+    velocities: list[Vector | np.ndarray] = []
+    for given in start.block_velocities:
+        if isinstance(given, np.ndarray):
+            velocities.append(times(given, velocity))
+        else:
+            x, y, z = given
+            velocities.append((velocity * x, velocity * y, velocity * z))
+    positions = [times(block, length) for block in start.block_positions]
+    return replace(start, block_positions=positions, block_velocities=velocities)

@@ -1,0 +1,164 @@
+"""What moves in a frame: solids and walls with their poses before and after it.
+
+Within a frame each moves on a straight line at constant speed and turns at constant rate. A frame in which a solid
+moves more than a particle radius is computed in pieces, so that the water meets it on its way.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import product
+from typing import Any
+
+import numpy as np
+
+from surfsup import native
+from surfsup.errors import InputError
+from surfsup.native.dispatch import tensors_requiring_grad
+from surfsup.scene import FRAME_TIME, PARTICLE_RADIUS
+from surfsup.scene.pose import Pose, between
+from surfsup.scene.solids import CONTAINER, MovingSolid, Solids
+from surfsup.sph.boundary.boundary_map import BoundaryMap
+from surfsup.sph.native_query import PythonQuery, python_query
+from surfsup.sph.state import SUBSTEPS
+
+MAX_PIECES = 100  # of a frame
+
+
+class MovingBody:
+    """A solid that moves: its surface, boundary map and query in its own frame.
+
+    Attributes:
+        solid: name, surface and motion.
+        box: (2, 3) float32, corners of a box around it in its own frame, meters.
+
+    Raises:
+        InputError: a tensor of its shape requires a gradient.
+    """
+
+    def __init__(self, solid: MovingSolid) -> None:
+        if tensors_requiring_grad(solid.surface):
+            raise InputError(f"surface '{solid.name}' moves, so that its shape cannot have gradients; detach it")
+        self.solid = solid
+        self.box = solid.surface.bounds().detach().cpu().numpy().astype(np.float32)
+
+    @cached_property
+    def boundary_map(self) -> native.BoundaryMap:
+        """The boundary volume map of the whole solid."""
+        return BoundaryMap.of_whole(self.solid.surface, self.solid.name).tables.native
+
+    @cached_property
+    def query(self) -> native.Solid | PythonQuery:
+        """The signed distance for C++ code."""
+        return self.solid.surface.native_solid() or python_query(self.solid.surface)
+
+    @cached_property
+    def corners(self) -> np.ndarray:
+        """The corners (8, 3) of the box."""
+        return np.array(list(product(*self.box.T.astype(np.float64))))
+
+
+@dataclass(frozen=True)
+class FrameMotion:
+    """What moves, with its poses at the start and the end of a frame or of a piece of one.
+
+    Attributes:
+        bodies: the solids.
+        start, end: poses by name, that of a container that moves too.
+        seconds: between start and end.
+    """
+
+    bodies: tuple[MovingBody, ...]
+    start: Mapping[str, Pose]
+    end: Mapping[str, Pose]
+    seconds: float = FRAME_TIME
+
+    def part(self, first: float, last: float) -> FrameMotion:
+        """The motion between two fractions of the time."""
+        start, end = (
+            {name: between(self.start[name], self.end[name], fraction) for name in self.start}
+            for fraction in (first, last)
+        )
+        return replace(self, start=start, end=end, seconds=(last - first) * self.seconds)
+
+    def pieces(self) -> list[FrameMotion]:
+        """The motions of the pieces that the frame is computed in: one, or a multiple of the substeps of a frame.
+
+        A piece is as short as makes every solid move at most a particle radius: so far water may miss it, and less
+        than the clearance of collision handling.
+        """
+        radii = max(self.displacements, default=0.0) / PARTICLE_RADIUS
+        count = 1 if radii <= 1 else min(SUBSTEPS * math.ceil(radii / SUBSTEPS), MAX_PIECES)
+        if count == 1:
+            return [self]
+        parts = (self.part(number / count, (number + 1) / count) for number in range(count))
+        return [replace(part, seconds=self.seconds / count) for part in parts]
+
+    @cached_property
+    def displacements(self) -> list[float]:
+        """The largest distance that a corner of the box around each solid moves, meters."""
+        found = []
+        for body in self.bodies:
+            start, end = self.start[body.solid.name], self.end[body.solid.name]
+            path = body.corners @ (end.matrix - start.matrix).T + (end.position - start.position)
+            found.append(math.sqrt((path**2).sum(axis=1).max()))
+        return found
+
+    def native(
+        self, query_positions: np.ndarray | None = None, query_distance: np.ndarray | None = None, count: int = 0
+    ) -> tuple[Any, ...]:
+        """The motion as C++ functions take it.
+
+        Args:
+            query_positions: (K, N, 3) float32, where each particle last queried each solid, in the solid's frame.
+            query_distance: (K, N) float32, the distances there; both are updated. Without them all query again.
+            count: number of particles N, needed without them.
+        """
+        if query_positions is None or query_distance is None:
+            query_positions, query_distance = no_query(len(self.bodies), count)
+        poses = np.array([[self.start[b.solid.name].array, self.end[b.solid.name].array] for b in self.bodies]).reshape(
+            -1, 2, 7
+        )
+        walls = None
+        if CONTAINER in self.start:
+            walls = np.array([self.start[CONTAINER].array, self.end[CONTAINER].array])
+        boxes = np.array([body.box for body in self.bodies], np.float32).reshape(-1, 2, 3)
+        return (
+            [body.boundary_map for body in self.bodies],
+            boxes,
+            [body.query for body in self.bodies],
+            poses,
+            query_positions,
+            query_distance,
+            walls,
+        )
+
+
+class MovingSolids:
+    """All that moves in a scene.
+
+    Attributes:
+        solids: of the scene.
+        bodies: the moving ones with their maps.
+    """
+
+    def __init__(self, solids: Solids) -> None:
+        self.solids = solids
+        self.bodies = tuple(MovingBody(solid) for solid in solids.moving)
+
+    def between(self, start: Mapping[str, Pose], end: Mapping[str, Pose], seconds: float = FRAME_TIME) -> FrameMotion:
+        """The motion between poses by name, ``seconds`` apart."""
+        return FrameMotion(self.bodies, start, end, seconds)
+
+    def of_frame(self, number: int) -> FrameMotion:
+        """The motion from frame ``number`` to the next as the scene describes it."""
+        start, end = (self.solids.poses(k * FRAME_TIME) for k in (number, number + 1))
+        return self.between(start, end)
+
+
+def no_query(bodies: int, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Positions (K, N, 3) and distances (K, N) of a last query so close that all query again."""
+    return np.zeros((bodies, count, 3), np.float32), np.zeros((bodies, count), np.float32)

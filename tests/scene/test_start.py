@@ -1,0 +1,29 @@
+import re
+
+import pytest
+
+from surfsup.errors import InputError
+from surfsup.scene import Block, Container, Scene
+from surfsup.scene.start import BYTES_PER_PARTICLE, available_memory, round_up
+
+
+def test_more_particles_than_memory_holds_are_refused_with_a_radius_that_fits():
+    side = 0.003 * (20 * available_memory() / BYTES_PER_PARTICLE) ** (1 / 3)
+    if (side / 0.003) ** 3 > 4e7 * 8:
+        side = 0.003 * 4e7 ** (1 / 3)
+    block = Block((-side / 2, -side / 2, 0.1), (side / 2, side / 2, 0.1 + side))
+    many = [block] * 40
+    scene = Scene(fluid=many, container=Container(size=(2 * side, 2 * side, 2 * side)), particle_radius=0.0015)
+    with pytest.raises(InputError, match=r"gives [\d,]+ particles, but this machine has memory for some") as error:
+        scene.initial_particles(None)
+    found = re.search(r"with (\S+) m they would fit", str(error.value))
+    assert found and float(found[1]) > scene.particle_radius
+    fitting = scene.with_changes(particle_radius=float(found[1]))
+    count = sum((side / fitting.spacing - 1) ** 3 for _ in many)
+    assert count * BYTES_PER_PARTICLE < 1.1 * available_memory()
+
+
+def test_rounding_up_keeps_two_digits():
+    assert round_up(0.00312) == pytest.approx(0.0032)
+    assert round_up(0.05) == pytest.approx(0.05)
+    assert round_up(0.0999) == pytest.approx(0.1)
