@@ -64,6 +64,5 @@ def export(
 def print_export(done: Export) -> None:
     """Print which files to open."""
     for file in done.files:
-        typer.echo(
-            f"export      {file}" + (f"  ({done.frames} frames)" if done.frames and "solid." not in file.name else "")
-        )
+        count = f"  ({done.frames} frames)" if done.frames and file.stem != "solid" else ""
+        typer.echo(f"export      {file}{count}")
