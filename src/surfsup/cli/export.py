@@ -29,7 +29,6 @@ class ReconstructionOptions:
 
 def export(
     trajectory: TrajectoryFile,
-    reconstruction: ReconstructionOptions,
     to: Annotated[
         str, typer.Option("--to", metavar="FORMAT", help="vtk, vtu, ply, bgeo, npz, usd, blender, obj, glb.")
     ],
@@ -43,6 +42,8 @@ def export(
         Literal["y", "z"] | None, typer.Option("--up", help="Upward axis of the files; z unless the format requires y.")
     ] = None,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace an older export in the folder.")] = False,
+    *,
+    reconstruction: ReconstructionOptions,
 ) -> None:
     """Write a trajectory for other programs.
 
@@ -63,6 +64,5 @@ def export(
 def print_export(done: Export) -> None:
     """Print which files to open."""
     for file in done.files:
-        typer.echo(
-            f"export      {file}" + (f"  ({done.frames} frames)" if done.frames and "solid." not in file.name else "")
-        )
+        count = f"  ({done.frames} frames)" if done.frames and file.stem != "solid" else ""
+        typer.echo(f"export      {file}{count}")

@@ -13,19 +13,19 @@ import torch
 from surfsup.errors import InputError
 from surfsup.exporting.formats import Format, What, Writer, check_export
 from surfsup.exporting.frames import Interpolation, frame_count, resample
-from surfsup.exporting.mesh_frame import solid_mesh, water_surface
+from surfsup.exporting.mesh_frame import water_surface
 from surfsup.exporting.sequence import SequenceWriter
+from surfsup.exporting.solids import SolidMeshes, pose_at
 from surfsup.exporting.source import FrameSource
 from surfsup.exporting.up_axis import UpAxis, with_up_axis
 from surfsup.io.cut_off import open_readable
 from surfsup.io.output_folder import writable_folder
 from surfsup.io.trajectory import Trajectory
-from surfsup.scene.pose import Pose, between
+from surfsup.scene.pose import Pose
 from surfsup.scene.solids import Solids, build_solids
 from surfsup.scene.units import Units
 from surfsup.sph.environment import Environment
 from surfsup.viewing.reconstruction import Reconstruction
-from surfsup.viewing.trajectory_pictures import scene_mesh
 
 
 @dataclass(frozen=True)
@@ -115,20 +115,20 @@ def write(
     progress: Callable[[int, int], None],
 ) -> Export:
     """Write the contents of a trajectory; see :func:`export`."""
-    if "solid" in contents and trajectory.poses:
-        raise InputError("solids that move cannot be exported; give --what particles or --what surface")
-    if "solid" in contents:
-        mesh = scene_mesh(trajectory.scene)
-        if mesh is not None:
-            writer.solid(with_up_axis(solid_mesh(mesh), up))
+    solids = SolidMeshes(trajectory) if "solid" in contents else None
+    if solids and not solids.move:
+        if solids.still:
+            writer.solid(with_up_axis(solids.still, up))
         elif len(contents) == 1:
             raise InputError("the scene of the trajectory has no solid, so there is nothing to export")
     source, done = FrameSource(trajectory), 0
-    if contents != ("solid",):
+    if contents != ("solid",) or (solids and solids.move):
         total = frame_count(len(trajectory), trajectory.frame_time, fps)
         for frame in resample(source, trajectory.frame_time, fps, interpolation(trajectory)):
             if "particles" in contents:
                 writer.particles(with_up_axis(frame, up))
+            if solids and solids.move:
+                writer.moving_solid(with_up_axis(solids.at(frame.time), up))
             if "surface" in contents:
                 writer.surface(with_up_axis(water_surface(frame, reconstruction), up))
             done += 1
@@ -164,10 +164,5 @@ def interpolation(trajectory: Trajectory) -> Interpolation:
 
 def poses_at(trajectory: Trajectory, time: float) -> dict[str, Pose]:
     """The poses at a time in seconds of all that moves, between those of the frames before and after."""
-    place = min(max((time - trajectory.start_time) / trajectory.frame_time, 0.0), len(trajectory) - 1.0)
-    first = min(int(place), max(0, len(trajectory) - 2))
-    last = min(first + 1, len(trajectory) - 1)
-    return {
-        name: between(Pose.from_array(rows[first]), Pose.from_array(rows[last]), place - first)
-        for name, rows in trajectory.poses.items()
-    }
+    place = (time - trajectory.start_time) / trajectory.frame_time
+    return {name: pose_at(rows, place) for name, rows in trajectory.poses.items()}

@@ -31,7 +31,10 @@ class Writer(Protocol):
         """Write the water's surface of the next frame."""
 
     def solid(self, frame: MeshFrame) -> None:
-        """Write the solid, once."""
+        """Write the solid, once, if it stands still."""
+
+    def moving_solid(self, frame: MeshFrame) -> None:
+        """Write the solid of the next frame, if it moves."""
 
     def finish(self) -> list[Path]:
         """Complete the export and return the files to open."""

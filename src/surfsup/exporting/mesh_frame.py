@@ -48,6 +48,16 @@ def water_surface(frame: ParticleFrame, reconstruction: Reconstruction) -> MeshF
     return MeshFrame(frame.time, vertices, triangles.astype(np.int32), normals, velocities)
 
 
+def joined(parts: list[MeshFrame], time: float) -> MeshFrame:
+    """Several meshes as one."""
+    offsets = np.cumsum([0, *(len(part.vertices) for part in parts[:-1])])
+    triangles = np.concatenate([part.triangles + offset for part, offset in zip(parts, offsets, strict=True)])
+    vertices, normals, velocities = (
+        np.concatenate([getattr(part, name) for part in parts]) for name in ("vertices", "normals", "velocities")
+    )
+    return MeshFrame(time, vertices, triangles.astype(np.int32), normals, velocities)
+
+
 def solid_mesh(mesh: trimesh.Trimesh) -> MeshFrame:
     """A solid at rest."""
     vertices, normals = (np.asarray(values, np.float32) for values in (mesh.vertices, mesh.vertex_normals))

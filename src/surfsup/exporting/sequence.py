@@ -55,6 +55,10 @@ class SequenceWriter:
         write_file(path, self._format.load("mesh")(frame))
         self._to_open.append(path)
 
+    def moving_solid(self, frame: MeshFrame) -> None:
+        """Write the solid of the next frame."""
+        self._next("solid", self._format.load("mesh"), frame)
+
     def finish(self) -> list[Path]:
         """List the files by their times, if the format has such lists; return the files to open."""
         for name, times in self._times.items():

@@ -57,7 +57,7 @@ class UsdWriter:
         self._stage.SetTimeCodesPerSecond(fps)
         self._stage.SetFramesPerSecond(fps)
         self._stage.SetDefaultPrim(UsdGeom.Xform.Define(self._stage, "/Water").GetPrim())
-        self._frames = {"Particles": 0, "Surface": 0}
+        self._frames = {"Particles": 0, "Surface": 0, "Solid": 0}
 
     def particles(self, frame: ParticleFrame) -> None:
         """Write the particles of the next frame, with the attributes ``widths``, ``ids`` and ``velocities``."""
@@ -82,6 +82,13 @@ class UsdWriter:
     def solid(self, frame: MeshFrame) -> None:
         """Write the solid, which does not move."""
         self._mesh("/Water/Solid", frame, Usd.TimeCode.Default(), SOLID_COLOR)
+
+    def moving_solid(self, frame: MeshFrame) -> None:
+        """Write the solid of the next frame."""
+        code = self._next("Solid")
+        mesh = self._mesh("/Water/Solid", frame, code, SOLID_COLOR)
+        mesh.CreateVelocitiesAttr().Set(vectors(frame.velocities), code)
+        self._save(code)
 
     def finish(self) -> list[Path]:
         """Complete the file and return it."""

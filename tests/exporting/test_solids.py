@@ -1,0 +1,53 @@
+"""Solids that move."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import pyvista
+
+from surfsup.exporting.export import export
+from surfsup.scene import Scene
+from surfsup.simulation import Simulation
+
+SPIN = """
+surfaces:
+  paddle: {box: {size: [0.4, 0.06, 0.1]}, at: [0, 0, 0.1], motion: {spin: {axis: [0, 0, 1], turns: 1}}}
+  ball: {sphere: {radius: 0.1}, at: [0.35, 0.35, 0.1]}
+fluid: [{block: {min: [-0.1, -0.1, 0.5], max: [0.1, 0.1, 0.6]}}]
+frames: 51
+"""
+
+
+@pytest.fixture(scope="module")
+def spin(tmp_path_factory) -> Path:
+    path = tmp_path_factory.mktemp("spin") / "spin.h5"
+    Simulation(Scene.from_yaml(SPIN, "test", Path()), device="cpu").record(path)
+    return path
+
+
+def test_a_solid_that_moves_is_in_every_frame_with_its_velocity(spin, tmp_path):
+    done = export(spin, "vtk", tmp_path, fps=16, what="solid")  # every 62.5 ms: a sixteenth of a turn
+    assert done.frames == 5
+    first, last = (pyvista.read(tmp_path / f"solid.{number:04d}.vtk") for number in (1, 5))
+    moved = np.linalg.norm(first.points - [0.35, 0.35, 0.1], axis=1) > 0.15
+    assert 0 < moved.sum() < len(moved)
+    np.testing.assert_array_equal(first.points[~moved], last.points[~moved])  # the ball
+    x, y, z = first.points[moved].T
+    np.testing.assert_allclose(last.points[moved], np.stack([-y, x, z], axis=1), atol=1e-5)  # a quarter of a turn
+    middle = pyvista.read(tmp_path / "solid.0003.vtk")
+    x, y, _ = middle.points[moved].T
+    expected = 2 * np.pi * np.stack([-y, x, np.zeros_like(x)], axis=1)
+    np.testing.assert_allclose(middle["velocity"][moved], expected, atol=0.01)
+    np.testing.assert_array_equal(middle["velocity"][~moved], 0)
+
+
+def test_usd_has_a_moving_solid_as_time_samples(spin, tmp_path):
+    pytest.importorskip("pxr", reason="needs the extra 'export'")
+    from pxr import Usd, UsdGeom
+
+    export(spin, "usd", tmp_path, fps=16, what="solid")
+    stage = Usd.Stage.Open(str(tmp_path / "water.usdc"))
+    solid = UsdGeom.Mesh(stage.GetPrimAtPath("/Water/Solid"))
+    assert solid.GetPointsAttr().GetTimeSamples() == [1, 2, 3, 4, 5]
+    assert len(solid.GetVelocitiesAttr().Get(3)) == len(solid.GetPointsAttr().Get(3))
