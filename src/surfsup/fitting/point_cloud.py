@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from surfsup.errors import InputError
-from surfsup.sdf.mesh.mesh_file import FLAT
+from surfsup.sdf.mesh.cleaning import FLAT
 from surfsup.sdf.mesh.query import unit
 
 CLOUD_SUFFIXES = (".xyz", ".ply")

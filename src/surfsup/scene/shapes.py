@@ -10,6 +10,7 @@ import torch
 from pydantic import Field, model_validator
 
 from surfsup import sdf
+from surfsup.errors import InputError
 from surfsup.scene.strict_model import Finite, Length, StrictModel, Vector
 from surfsup.sdf.neural.shipped_surfaces import path_from
 
@@ -99,16 +100,25 @@ class MeshShape(StrictModel):
     """The triangles in ``file``.
 
     ``fit`` scales the largest extent to that many meters, centers the mesh in x and y and puts it on z = 0. Without it
-    the mesh keeps its own coordinates, in meters. ``up`` is the upward axis of the file.
+    the mesh keeps its own coordinates, in meters. ``up`` is the upward axis of the file. ``thicken`` makes walls of
+    that thickness, in meters, of all open parts; ``fit`` then is the extent with these walls.
     """
 
     file: Path
     fit: Length | None = None
     up: Literal["y", "z"] | None = None
+    thicken: Length | None = None
 
     def mesh(self, folder: Path = Path()) -> trimesh.Trimesh:
         """Read and place the triangles; ``folder`` is the base of relative paths."""
-        mesh = sdf.load_mesh(folder / self.file, up=self.up)
+        mesh = sdf.load_mesh(folder / self.file, up=self.up, keep_sheets=self.thicken is not None)
+        if self.thicken is None:
+            return mesh if self.fit is None else sdf.fit_mesh(mesh, self.fit)[0]
+        if self.fit is not None:
+            if self.fit <= self.thicken:
+                raise InputError(f"{folder / self.file}: fit {self.fit:.3g} must exceed thicken {self.thicken:.3g}")
+            mesh, _ = sdf.fit_mesh(mesh, self.fit - self.thicken)
+        mesh = sdf.thicken_sheets(mesh, self.thicken, str(folder / self.file))
         return mesh if self.fit is None else sdf.fit_mesh(mesh, self.fit)[0]
 
     def surface(self, folder: Path = Path()) -> sdf.Surface:

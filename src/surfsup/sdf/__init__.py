@@ -4,8 +4,10 @@ from surfsup.sdf.boxes import Boxes
 from surfsup.sdf.combine import Difference, Intersection, Union
 from surfsup.sdf.heightfield import Heightfield, load_heights
 from surfsup.sdf.marching_cubes import polygonize
-from surfsup.sdf.mesh.mesh_file import MeshWarning, fit_mesh, load_mesh
+from surfsup.sdf.mesh.cleaning import MeshWarning
+from surfsup.sdf.mesh.mesh_file import fit_mesh, load_mesh
 from surfsup.sdf.mesh.surface import MeshSurface
+from surfsup.sdf.mesh.thicken import thicken_sheets
 from surfsup.sdf.neural.deepsdf import DeepSdf, DeepSdfSurface, load_deepsdf, save_deepsdf
 from surfsup.sdf.neural.shipped_surfaces import shipped_surfaces, surface_path
 from surfsup.sdf.neural.siren import SirenSurface, load_siren, save_siren
@@ -49,4 +51,5 @@ __all__ = [
     "save_siren",
     "shipped_surfaces",
     "surface_path",
+    "thicken_sheets",
 ]

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from functools import cached_property
+
 import numpy as np
 import torch
 
 from surfsup import native
 from surfsup.native.dispatch import is_built
+from surfsup.sdf.mesh.topology import open_edges
 
 # Distance over the mesh's largest extent, below which rounding dominates the direction from the closest point.
 ON_SURFACE = 1e-5
@@ -91,11 +94,41 @@ class MeshQuery:
         corner = self.faces[face, weight.argmax(axis=1)]
         normal[near_corner] = self.vertex_normals[corner[near_corner]]
         on_edge = np.flatnonzero((weight.min(axis=1) < 1e-4) & ~near_corner)
-        for index in on_edge:
-            ends = np.delete(self.faces[face[index]], weight[index].argmin())
-            around = (self.faces == ends[0]).any(axis=1) & (self.faces == ends[1]).any(axis=1)
-            normal[index] = unit(self.face_normals[around].sum(axis=0))
+        if len(on_edge):
+            opposite = weight[on_edge].argmin(axis=1)
+            corners = self.faces[face[on_edge]]
+            rows = np.arange(len(on_edge))
+            ends = np.stack([corners[rows, (opposite + 1) % 3], corners[rows, (opposite + 2) % 3]])
+            normal[on_edge] = self.edge_normals(*ends)
         return normal
+
+    def edge_normals(self, start: np.ndarray, end: np.ndarray) -> np.ndarray:
+        """The mean normal (N, 3) of the faces around each edge from vertex ``start`` to ``end`` (N,)."""
+        keys, order = self.edge_faces
+        wanted, inverse = np.unique(edge_keys(start, end, len(self.vertices)), return_inverse=True)
+        first, last = np.searchsorted(keys, wanted, side="left"), np.searchsorted(keys, wanted, side="right")
+        edge = np.repeat(np.arange(len(wanted)), last - first)
+        around = order[np.arange(len(edge)) - np.repeat(np.cumsum(last - first) - last, last - first)]
+        normals = np.zeros((len(wanted), 3))
+        np.add.at(normals, edge, self.face_normals[around])
+        return unit(normals)[inverse.ravel()]
+
+    @cached_property
+    def is_closed(self) -> bool:
+        """Whether no edge is open, so that winding numbers are integers."""
+        return not open_edges(self.faces).any()
+
+    @cached_property
+    def edge_faces(self) -> tuple[np.ndarray, np.ndarray]:
+        """The edges of all faces as sorted keys (3 F,), and the face (3 F,) of each."""
+        keys = edge_keys(self.faces.ravel(), np.roll(self.faces, -1, axis=1).ravel(), len(self.vertices))
+        order = np.argsort(keys, kind="stable")
+        return keys[order], order // 3
+
+
+def edge_keys(start: np.ndarray, end: np.ndarray, vertex_count: int) -> np.ndarray:
+    """A number (N,) for each edge between the vertices ``start`` and ``end`` (N,), in either direction."""
+    return np.minimum(start, end) * vertex_count + np.maximum(start, end)
 
 
 def normals_of(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
