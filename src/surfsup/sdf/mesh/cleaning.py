@@ -1,4 +1,4 @@
-"""Triangles from a file made into a solid: merged, oriented, judged, in coordinates of its own."""
+"""Triangles from a file made into a solid: merged, oriented, checked, in coordinates of its own."""
 
 from __future__ import annotations
 

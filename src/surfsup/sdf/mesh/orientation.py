@@ -62,7 +62,7 @@ def orient_outward(vertices: np.ndarray, faces: np.ndarray, patch: np.ndarray) -
 
     A body that no other contains is turned outward. One inside others keeps its orientation relative to the body
     around it, so that cavities stay cavities, unless it is within a cavity: there it can only be solid. Patches with
-    large openings are judged together by the volume that they enclose.
+    large openings are evaluated together by the volume that they enclose.
 
     Args:
         vertices: (V, 3).

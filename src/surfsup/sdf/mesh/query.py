@@ -105,11 +105,11 @@ class MeshQuery:
     def edge_normals(self, start: np.ndarray, end: np.ndarray) -> np.ndarray:
         """The mean normal (N, 3) of the faces around each edge from vertex ``start`` to ``end`` (N,)."""
         keys, order = self.edge_faces
-        wanted, inverse = np.unique(edge_keys(start, end, len(self.vertices)), return_inverse=True)
-        first, last = np.searchsorted(keys, wanted, side="left"), np.searchsorted(keys, wanted, side="right")
-        edge = np.repeat(np.arange(len(wanted)), last - first)
+        requested, inverse = np.unique(edge_keys(start, end, len(self.vertices)), return_inverse=True)
+        first, last = np.searchsorted(keys, requested, side="left"), np.searchsorted(keys, requested, side="right")
+        edge = np.repeat(np.arange(len(requested)), last - first)
         around = order[np.arange(len(edge)) - np.repeat(np.cumsum(last - first) - last, last - first)]
-        normals = np.zeros((len(wanted), 3))
+        normals = np.zeros((len(requested), 3))
         np.add.at(normals, edge, self.face_normals[around])
         return unit(normals)[inverse.ravel()]
 

@@ -7,8 +7,8 @@ import numpy as np
 from surfsup.sdf.mesh.topology import area_vectors, open_edges, parts_of
 
 OPENNESS = 0.04  # mean distance of the winding number from an integer, above which a part is a sheet
-LARGE = 0.01  # share of the area above which a part is judged by itself
-SAMPLES = 256  # faces at which a part is judged
+LARGE = 0.01  # share of the area above which a part is evaluated by itself
+SAMPLES = 256  # faces at which a part is evaluated
 STEP = 1e-4  # distance over extent from a face at which the winding number is taken
 
 

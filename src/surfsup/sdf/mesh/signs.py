@@ -10,7 +10,7 @@ from surfsup.sdf.mesh.query import MeshQuery
 def nodes_inside(query: MeshQuery, nodes: np.ndarray, distance: np.ndarray, cell: float) -> np.ndarray:
     """Whether each node (X · Y · Z,) of a grid is inside.
 
-    Neighbors that are both farther than half a cell from a closed mesh are on the same side of it. So connected sets of
+    Neighbors that are both more than half a cell away from a closed mesh are on the same side of it. So connected sets of
     such nodes need one winding number each; the nodes next to the mesh need their own. Winding numbers are the slowest
     part of a grid.
 
@@ -26,8 +26,8 @@ def nodes_inside(query: MeshQuery, nodes: np.ndarray, distance: np.ndarray, cell
         return query.inside(nodes)
     region, _ = ndimage.label(distance > 0.5001 * cell)
     region = region.ravel()
-    asked = np.unique(region, return_index=True)[1]  # one node of each region, and one of region 0, next to the mesh
-    side = query.inside(np.ascontiguousarray(nodes[asked]))
+    chosen = np.unique(region, return_index=True)[1]  # one node of each region, and one of region 0, next to the mesh
+    side = query.inside(np.ascontiguousarray(nodes[chosen]))
     inside = side[region - region.min()]
     near = np.flatnonzero(region == 0)
     inside[near] = query.inside(np.ascontiguousarray(nodes[near]))

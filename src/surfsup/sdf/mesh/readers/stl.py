@@ -27,7 +27,7 @@ def read_stl(content: bytes) -> RawMesh:
 
 
 def is_text(content: bytes) -> bool:
-    """Whether an STL file is text. The header of a binary one may begin with "solid", too; then its size tells."""
+    """Whether an STL file is text. The header of a binary one may begin with "solid", too; then its size decides."""
     if len(content) >= HEADER and len(content) == HEADER + TRIANGLE.itemsize * announced(content):
         return False
     return VERTEX_LINE.search(decode(content[:4096])) is not None
