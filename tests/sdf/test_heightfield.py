@@ -7,7 +7,7 @@ from PIL import Image, TiffImagePlugin
 
 from surfsup.errors import InputError
 from surfsup.sdf import Heightfield, MeshSurface, load_heights
-from surfsup.sdf import heightfield as module
+from surfsup.sdf import terrain_file as module
 from tests.sdf.solids import points_around
 
 HILLS = np.random.default_rng(0).uniform(0, 900, (7, 9)).round()

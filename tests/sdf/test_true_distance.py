@@ -17,7 +17,7 @@ def test_beside_the_rim_of_a_hole_the_distance_is_that_to_the_rim():
     true = TrueDistance(PLATE)
     beside = torch.tensor([[0.075 - 0.02, 0.0, 0.03 + 0.015]])
     assert PLATE.distance(beside).item() == pytest.approx(0.02, abs=1e-6)
-    assert true.distance(beside).item() == pytest.approx(0.025, abs=1e-3)
+    assert true.distance(beside).item() == pytest.approx(0.025, abs=2.5e-3)
     points = torch.rand(2000, 3, generator=torch.Generator().manual_seed(0)) * 0.4 - 0.2
     outside = FOUR.distance(points) > 0
     torch.testing.assert_close(true.distance(points)[outside], FOUR.distance(points)[outside], atol=2.5e-3, rtol=0)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from pydantic import model_validator
 
-from surfsup.scene.strict_model import StrictModel, Vector, for_callers_only
+from surfsup.scene.strict_model import PositionVector, StrictModel, Velocity, for_callers_only
 
 PARTICLE_RADIUS = 0.015  # meters
 SPACING = 2 * PARTICLE_RADIUS
@@ -31,12 +31,12 @@ class Block(StrictModel):
         (125, 3)
     """
 
-    min: Vector
-    max: Vector
-    velocity: Vector = (0.0, 0.0, 0.0)
+    min: PositionVector
+    max: PositionVector
+    velocity: Velocity = (0.0, 0.0, 0.0)
 
     @for_callers_only
-    def __init__(self, min: Vector, max: Vector, velocity: Vector = (0.0, 0.0, 0.0)) -> None:
+    def __init__(self, min: PositionVector, max: PositionVector, velocity: Velocity = (0.0, 0.0, 0.0)) -> None:
         super().__init__(min=min, max=max, velocity=velocity)
 
     @model_validator(mode="after")
@@ -86,7 +86,7 @@ class InitialParticles:
     """
 
     block_positions: list[np.ndarray]
-    block_velocities: list[Vector]
+    block_velocities: list[Velocity]
     excluded: int
 
     @property

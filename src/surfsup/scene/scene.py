@@ -19,7 +19,7 @@ from surfsup.scene.fluid import SPACING, Block, Fluid, InitialParticles
 from surfsup.scene.mesh_surface import MeshFileSurface
 from surfsup.scene.safe_yaml import parse_yaml
 from surfsup.scene.shapes import Shape
-from surfsup.scene.strict_model import Length, StrictModel, Vector, for_callers_only
+from surfsup.scene.strict_model import Length, StrictModel, Velocity, for_callers_only
 from surfsup.scene.validation_error import format_validation_error
 from surfsup.sdf import Surface
 from surfsup.sdf.neural.shipped_surfaces import is_shipped
@@ -89,7 +89,7 @@ class Scene(StrictModel):
     container: Container = STANDARD_CONTAINER
     surface: Annotated[Shape | Surface | None, SurfaceSchema] = None
     fluid: list[Fluid] = Field(min_length=1)
-    gravity: Vector = (0.0, 0.0, -9.81)
+    gravity: Velocity = (0.0, 0.0, -9.81)
     frames: int = Field(default=800, ge=1)
     _folder: Path = PrivateAttr(default=Path())
 
@@ -100,7 +100,7 @@ class Scene(StrictModel):
         fluid: Sequence[Block | Fluid],
         surface: Shape | Surface | None = None,
         container: Container = STANDARD_CONTAINER,
-        gravity: Vector = (0.0, 0.0, -9.81),
+        gravity: Velocity = (0.0, 0.0, -9.81),
         frames: int = 800,
     ) -> None:
         entries = [Fluid(block=entry) if isinstance(entry, Block) else entry for entry in fluid]

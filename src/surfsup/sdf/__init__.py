@@ -2,7 +2,7 @@
 
 from surfsup.sdf.boxes import Boxes
 from surfsup.sdf.combine import Difference, Intersection, Union
-from surfsup.sdf.heightfield import Heightfield, load_heights
+from surfsup.sdf.heightfield import Heightfield
 from surfsup.sdf.marching_cubes import polygonize
 from surfsup.sdf.mesh.cleaning import MeshWarning
 from surfsup.sdf.mesh.mesh_file import fit_mesh, load_mesh
@@ -14,6 +14,7 @@ from surfsup.sdf.neural.siren import SirenSurface, load_siren, save_siren
 from surfsup.sdf.neural.surface import NeuralSurface, fit_surface
 from surfsup.sdf.primitives import Box, CappedCone, Cylinder, Sphere, Torus
 from surfsup.sdf.surface import Surface
+from surfsup.sdf.terrain_file import load_heights
 from surfsup.sdf.transform import Transformed, axis_rotation
 from surfsup.sdf.vessels import WALL, Bowl, Funnel
 

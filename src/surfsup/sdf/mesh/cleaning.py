@@ -12,7 +12,7 @@ from surfsup.errors import InputError
 from surfsup.sdf.mesh.duplicates import without_duplicates
 from surfsup.sdf.mesh.orientation import orient_consistently, orient_outward, same_orientation
 from surfsup.sdf.mesh.sheets import sheet_faces
-from surfsup.sdf.mesh.topology import area_vectors, open_edges
+from surfsup.sdf.mesh.topology import area_vectors, open_edges, used_vertices
 
 if TYPE_CHECKING:
     import trimesh
@@ -44,8 +44,8 @@ def clean(vertices: np.ndarray, faces: np.ndarray, path: Path, keep_sheets: bool
     """
     import trimesh
 
-    used, faces = np.unique(faces, return_inverse=True)
-    faces, vertices = faces.reshape(-1, 3), vertices[used]
+    used = used_vertices(faces, len(vertices))
+    faces, vertices = (np.cumsum(used) - 1)[faces], vertices[used]
     bad = int((~np.isfinite(vertices)).any(axis=1).sum())
     if bad:
         raise InputError(f"{path}: {bad} of its vertices are not finite numbers (NaN or infinity); export it again")

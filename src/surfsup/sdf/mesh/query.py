@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 import torch
@@ -10,6 +11,9 @@ import torch
 from surfsup import native
 from surfsup.native.dispatch import is_built
 from surfsup.sdf.mesh.topology import open_edges
+
+if TYPE_CHECKING:
+    import igl
 
 # Distance over the mesh's largest extent, below which rounding dominates the direction from the closest point.
 ON_SURFACE = 1e-5
@@ -28,17 +32,15 @@ class MeshQuery:
     """
 
     def __init__(self, vertices: np.ndarray, faces: np.ndarray) -> None:
-        import igl
-
         self.vertices = np.ascontiguousarray(vertices, dtype=np.float64)
         self.faces = np.ascontiguousarray(faces, dtype=np.int64)
         if is_built():
             self.bvh = native.TriangleBvh(self.vertices, self.faces)
         else:
+            import igl
+
             self.tree = igl.AABB()
             self.tree.init(self.vertices, self.faces)
-        self.winding = igl.FastWindingNumberBVH()
-        self.winding.init(self.vertices, self.faces)
         self.extent = float(np.ptp(self.vertices, axis=0).max())
         self.face_normals, self.vertex_normals = normals_of(self.vertices, self.faces)
 
@@ -112,6 +114,15 @@ class MeshQuery:
         normals = np.zeros((len(requested), 3))
         np.add.at(normals, edge, self.face_normals[around])
         return unit(normals)[inverse.ravel()]
+
+    @cached_property
+    def winding(self) -> igl.FastWindingNumberBVH:
+        """The tree for winding numbers, which terrain does without."""
+        import igl
+
+        tree = igl.FastWindingNumberBVH()
+        tree.init(self.vertices, self.faces)
+        return tree
 
     @cached_property
     def is_closed(self) -> bool:

@@ -10,9 +10,9 @@ from surfsup.sdf.mesh.query import MeshQuery
 def nodes_inside(query: MeshQuery, nodes: np.ndarray, distance: np.ndarray, cell: float) -> np.ndarray:
     """Whether each node (X · Y · Z,) of a grid is inside.
 
-    Neighbors that are both more than half a cell away from a closed mesh are on the same side of it. So connected sets of
-    such nodes need one winding number each; the nodes next to the mesh need their own. Winding numbers are the slowest
-    part of a grid.
+    Neighbors that are both more than half a cell away from a closed mesh are on the same side of it. So connected sets
+    of such nodes need one winding number each; the nodes next to the mesh need their own. Winding numbers are the
+    slowest part of a grid.
 
     Args:
         query: the mesh.

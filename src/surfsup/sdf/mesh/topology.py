@@ -5,6 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 
+def used_vertices(faces: np.ndarray, vertex_count: int) -> np.ndarray:
+    """Which vertices (V,) belong to a face; many times faster than ``numpy.unique``."""
+    used = np.zeros(vertex_count, bool)
+    used[faces] = True
+    return used
+
+
 def directed_edges(faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Key (3 F,) of each face's edges, the same for both directions, and their direction (3 F,), 1 or -1.
 
