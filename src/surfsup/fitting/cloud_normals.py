@@ -43,7 +43,7 @@ def check_normals(points: np.ndarray, vectors: np.ndarray, source: str, remedy: 
         )
     normals = vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
     chosen = np.linspace(0, len(points) - 1, min(SAMPLE, len(points))).astype(np.int64)
-    distance, near = cKDTree(points).query(points[chosen], NEIGHBORS + 1)
+    distance, near = map(np.asarray, cKDTree(points).query(points[chosen], NEIGHBORS + 1))
     across, opposed = agreement(points, normals, chosen, near)
     if across < MIN_ACROSS:
         raise InputError(
@@ -74,7 +74,7 @@ def agreement(points: np.ndarray, normals: np.ndarray, chosen: np.ndarray, near:
         chosen: (M,) indices of the points to check.
         near: (M, K) indices of their neighbors, themselves first.
     """
-    around = points[near] - points[near].mean(axis=1, keepdims=True)
+    around = points[near] - np.mean(points[near], axis=1, keepdims=True)
     _, axes = np.linalg.eigh(around.transpose(0, 2, 1) @ around)
     across = np.abs((axes[:, :, 0] * normals[chosen]).sum(axis=1))
     cosines = (normals[near[:, 1:]] * normals[chosen, None]).sum(axis=-1)
