@@ -28,8 +28,10 @@ def test_the_surface_of_a_scene_keeps_its_position(tmp_path):
 
 
 def test_a_cloud_is_turned_upright(tmp_path):
-    normals = np.random.default_rng(0).normal(size=(400, 3)) * [1, 3, 1]
-    rows = np.concatenate([normals, normals], axis=1)
+    directions = np.random.default_rng(0).normal(size=(2000, 3))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    normals = directions / [1, 3, 1]  # of an ellipsoid
+    rows = np.concatenate([directions * [1, 3, 1], normals / np.linalg.norm(normals, axis=1, keepdims=True)], axis=1)
     path = tmp_path / "cloud.xyz"
     path.write_text("\n".join(" ".join(map(str, row)) for row in rows))
     target, exact = load_target(path, "y", 1000, 0)

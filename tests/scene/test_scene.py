@@ -19,8 +19,8 @@ def scene(text: str) -> Scene:
 
 
 # Any scene that a file can hold, physical or not.
-finite = st.floats(allow_nan=False, allow_infinity=False)
-lengths = st.floats(min_value=0, exclude_min=True, allow_infinity=False)
+finite = st.floats(min_value=-1e4, max_value=1e4)
+lengths = st.floats(min_value=0, max_value=1e4, exclude_min=True)
 vectors = st.tuples(finite, finite, finite)
 names = st.text(st.characters(categories=["L", "N", "P", "S", "Zs"]), min_size=1).map(Path)
 kinds = st.one_of(
@@ -33,7 +33,7 @@ kinds = st.one_of(
         lambda kind: {"mesh": kind}
     ),
 )
-rotations = st.builds(Rotation, axis=vectors.filter(any), degrees=finite)
+rotations = st.builds(Rotation, axis=vectors.filter(lambda axis: max(map(abs, axis)) > 1e-12), degrees=finite)
 
 
 def placed(kind: st.SearchStrategy[dict]) -> st.SearchStrategy[Shape]:

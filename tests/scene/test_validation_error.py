@@ -70,10 +70,10 @@ def test_an_unknown_key_of_several_lines_makes_a_message_of_one_line():
             "fluid.0.block: block is 0.05 m thick along z",
         ),
         ("fluid: [{block: {min: [0, 0, 0], max: [1, -1, 1]}}]", "fluid.0.block: block is -1 m thick along y"),
-        ("fluid: [{block: {min: [0, 0, 0], max: [1e5, 1, 1]}}]", "fluid.0.block: block would hold more than"),
+        ("fluid: [{block: {min: [0, 0, 0], max: [1e4, 100, 1]}}]", "fluid.0.block: block would hold more than"),
         (
             "fluid: [{block: {min: [0, 0, -1e308], max: [1, 1, 1e308]}}]",
-            "fluid.0.block: block would hold more",
+            "fluid.0.block.min.2: Input should be greater than or equal to -10000",
         ),
         (WATER + "gravity: [0, 0]", "gravity"),
         (WATER + "gravity: [0, 0, -.inf]", "gravity.2"),

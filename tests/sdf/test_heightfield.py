@@ -7,7 +7,7 @@ from PIL import Image, TiffImagePlugin
 
 from surfsup.errors import InputError
 from surfsup.sdf import Heightfield, MeshSurface, load_heights
-from surfsup.sdf import heightfield as module
+from surfsup.sdf import terrain_file as module
 from tests.sdf.solids import points_around
 
 HILLS = np.random.default_rng(0).uniform(0, 900, (7, 9)).round()
@@ -111,8 +111,8 @@ def test_a_huge_archive_is_refused_before_it_is_unpacked(tmp_path, monkeypatch):
 
 
 def test_more_samples_than_a_surface_can_have_are_refused():
-    with pytest.raises(InputError, match=r"dem: has 1000 x 1001 samples, .* reduce it to 1000 along each side"):
-        Heightfield(np.zeros((1000, 1001)), (1, 1), 1, 1, source="dem")
+    with pytest.raises(InputError, match=r"dem: has 1500 x 1001 samples, .* reduce it to 1224 along each side"):
+        Heightfield(np.zeros((1500, 1001)), (1, 1), 1, 1, source="dem")
 
 
 def test_the_solid_is_closed_and_every_sample_is_a_vertex():

@@ -42,6 +42,9 @@ class SceneOptions:
     ] = None
     no_fit: Annotated[bool, typer.Option("--no-fit", help="Keep the coordinates of the file, in meters.")] = False
     up: UpAxis = None
+    thicken: Annotated[
+        float | None, typer.Option(help="Thickness in meters of the walls that sheets of a mesh become.")
+    ] = None
     turn: Annotated[float, typer.Option(help="Rotation of the surface about z in degrees.")] = 0.0
     at: Annotated[
         Vector | None,
@@ -81,7 +84,8 @@ class SceneOptions:
         block = Block(self.block_min, self.block_max) if self.block_min and self.block_max else None
         container = Container(size=self.container) if self.container else Container()
         fit = DEFAULT_FIT if self.fit is None else self.fit
-        placement = Placement(None if self.no_fit else fit, self.up, self.turn, self.at or (0.0, 0.0, 0.0), self.shape)
+        at = self.at or (0.0, 0.0, 0.0)
+        placement = Placement(None if self.no_fit else fit, self.up, self.turn, at, self.shape, self.thicken)
         radius = self.particle_radius or PARTICLE_RADIUS
         scene, summary = scene_from_surface(self.source, placement, container, block, self.frames or 800, radius)
         typer.echo(summary)

@@ -10,7 +10,8 @@ from pathlib import Path
 import numpy as np
 
 from surfsup.errors import InputError
-from surfsup.sdf.mesh.mesh_file import FLAT
+from surfsup.fitting.cloud_normals import check_normals
+from surfsup.sdf.mesh.cleaning import FLAT
 from surfsup.sdf.mesh.query import unit
 
 CLOUD_SUFFIXES = (".xyz", ".ply")
@@ -55,8 +56,11 @@ def load_cloud(path: Path) -> PointCloud:
     """Read the oriented points of a PLY file (x y z nx ny nz) or an XYZ file (six numbers a line).
 
     Raises:
-        InputError: the file is missing or damaged, has no normals, too few points or numbers that are not finite, or
-            all points are in a plane.
+        InputError: the file is missing or damaged, has no normals, too few points or numbers that are not finite, all
+            points are in a plane, or the normals cannot be those of its surface.
+
+    Warns:
+        CloudWarning: the normals point inward.
     """
     if not path.is_file():
         raise InputError(f"{path}: cannot be read; check the path")
@@ -73,6 +77,7 @@ def load_cloud(path: Path) -> PointCloud:
     spread = np.linalg.svd(points - points.mean(axis=0), compute_uv=False, full_matrices=False)
     if spread[-1] <= FLAT * spread[0]:
         raise InputError(f"{path}: is flat, so it has no inside; give points on all sides of a solid")
+    check_normals(points, normals, str(path), NORMALS_HINT)
     return PointCloud(points, unit(normals))
 
 

@@ -12,7 +12,7 @@ from pydantic import model_validator
 
 from surfsup.scene.fill import Fill
 from surfsup.scene.particle_file import ParticleFile
-from surfsup.scene.strict_model import StrictModel, Vector, for_callers_only
+from surfsup.scene.strict_model import PositionVector, StrictModel, Vector, Velocity, for_callers_only
 
 PARTICLE_RADIUS = 0.015  # meters
 SPACING = 2 * PARTICLE_RADIUS
@@ -32,12 +32,12 @@ class Block(StrictModel):
         (125, 3)
     """
 
-    min: Vector
-    max: Vector
-    velocity: Vector = (0.0, 0.0, 0.0)
+    min: PositionVector
+    max: PositionVector
+    velocity: Velocity = (0.0, 0.0, 0.0)
 
     @for_callers_only
-    def __init__(self, min: Vector, max: Vector, velocity: Vector = (0.0, 0.0, 0.0)) -> None:
+    def __init__(self, min: PositionVector, max: PositionVector, velocity: Velocity = (0.0, 0.0, 0.0)) -> None:
         super().__init__(min=min, max=max, velocity=velocity)
 
     def check_particle_count(self, spacing: float) -> None:

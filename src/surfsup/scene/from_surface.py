@@ -32,6 +32,7 @@ class Placement:
         turn: rotation about z in degrees.
         at: position of the origin of the scaled and rotated solid in meters; a fitted solid has it below its middle.
         shape: name of the shape in a DeepSDF with several.
+        thicken: thickness in meters of the walls that open parts of a mesh become; None refuses sheets.
     """
 
     fit: float | None = DEFAULT_FIT
@@ -39,6 +40,7 @@ class Placement:
     turn: float = 0.0
     at: tuple[float, float, float] = (0.0, 0.0, 0.0)
     shape: str | None = None
+    thicken: float | None = None
 
 
 def scene_from_surface(
@@ -85,10 +87,8 @@ def measure(path: Path, shape: Shape, placement: Placement) -> tuple[np.ndarray,
     with warnings.catch_warnings():
         # The scene builds its surface from the same file and repeats the warnings.
         warnings.simplefilter("ignore", sdf.MeshWarning)
-        mesh = sdf.load_mesh(path, up=placement.up)
-    original = np.asarray(mesh.extents)
-    if placement.fit is not None:
-        mesh, _ = sdf.fit_mesh(mesh, placement.fit)
+        original = np.asarray(sdf.load_mesh(path, up=placement.up, keep_sheets=placement.thicken is not None).extents)
+        mesh = shape.mesh.mesh()
     rotation = sdf.axis_rotation((0.0, 0.0, 1.0), placement.turn).numpy()
     vertices = np.asarray(mesh.vertices) @ rotation.T + np.asarray(placement.at)
     box = np.stack([vertices.min(axis=0), vertices.max(axis=0)])
@@ -96,7 +96,7 @@ def measure(path: Path, shape: Shape, placement: Placement) -> tuple[np.ndarray,
     if placement.fit is not None:
         file_size = " x ".join(f"{side:.3g}" for side in original)
         summary += f" (in the file {file_size}, scaled by {placement.fit / original.max():.3g})"
-    if placement.up is None and path.suffix.lower() != ".glb":
+    if placement.up is None and path.suffix.lower() not in (".glb", ".gltf"):
         summary += "; z is its upward axis, --up y turns one that lies on its side"
     return box, summary
 
@@ -130,9 +130,11 @@ def shape_of_file(path: Path, placement: Placement) -> dict[str, Any]:
     file = path if shipped else path.resolve()
     if not shipped and path.suffix.lower() != surface_file.SUFFIX:
         require_single_shape(path, placement)
-        return {"mesh": MeshShape(file=file, fit=placement.fit, up=placement.up)}
+        return {"mesh": MeshShape(file=file, fit=placement.fit, up=placement.up, thicken=placement.thicken)}
     if placement.up is not None:
         raise InputError(f"{path}: a neural surface already has z up; omit --up")
+    if placement.thicken is not None:
+        raise InputError(f"{path}: a neural surface is a solid already; omit --thicken")
     if surface_file.read_format(sdf.surface_path(path)) == surface_file.DEEPSDF:
         return {"deepsdf": DeepSdfShape(file=file, fit=placement.fit, shape=placement.shape)}
     require_single_shape(path, placement)

@@ -24,14 +24,17 @@ class MeshFileSurface(sdf.MeshSurface):
         self.shape = shape
 
 
-def load_mesh(path: str | Path, fit: float | None = None, up: Literal["y", "z"] | None = None) -> MeshFileSurface:
+def load_mesh(
+    path: str | Path, fit: float | None = None, up: Literal["y", "z"] | None = None, thicken: float | None = None
+) -> MeshFileSurface:
     """Read a mesh file as a surface, placed as ``surfsup simulate FILE --fit FIT --up UP`` places it.
 
     Args:
-        path: an OBJ, STL, PLY, OFF or GLB file.
+        path: an OBJ, STL, PLY, OFF, GLB or glTF file.
         fit: largest extent in meters. The mesh is scaled to it, centered in x and y, and put on z = 0. None keeps the
             coordinates of the file, in meters.
-        up: upward axis of the file; None for that of the format, which is y for GLB and z for the others.
+        up: upward axis of the file; None for that of the format, which is y for glTF and z for the others.
+        thicken: thickness in meters, after scaling, of the walls that open parts become; None refuses sheets.
 
     Returns:
         A surface that a :class:`Scene` can also write to a file.
@@ -45,5 +48,5 @@ def load_mesh(path: str | Path, fit: float | None = None, up: Literal["y", "z"] 
         >>> load_mesh("ball.stl", fit=0.5).bounds()[:, 2].tolist()  # as high as fit, on the floor
         [0.0, 0.5]
     """
-    description = MeshShape(file=Path(path).resolve(), fit=fit, up=up)
+    description = MeshShape(file=Path(path).resolve(), fit=fit, up=up, thicken=thicken)
     return MeshFileSurface(description.mesh(), Shape(mesh=description))

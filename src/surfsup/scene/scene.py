@@ -22,7 +22,7 @@ from surfsup.scene.safe_yaml import parse_yaml
 from surfsup.scene.shapes import KINDS, Shape
 from surfsup.scene.solids import CONTAINER, NamedShape, as_named_shape, build_solids
 from surfsup.scene.start import initial_particles
-from surfsup.scene.strict_model import Finite, Length, StrictModel, Vector, for_callers_only
+from surfsup.scene.strict_model import Finite, Length, StrictModel, Velocity, for_callers_only
 from surfsup.scene.units import Units
 from surfsup.scene.validation_error import format_validation_error
 from surfsup.sdf import Surface
@@ -125,7 +125,7 @@ class Scene(StrictModel):
     surface: Annotated[Shape | Surface | None, SurfaceSchema] = None
     surfaces: dict[str, Annotated[NamedShape | Surface, NamedSchema]] = Field(default_factory=dict)
     fluid: list[Fluid] = Field(min_length=1)
-    gravity: Vector = (0.0, 0.0, -9.81)
+    gravity: Velocity = (0.0, 0.0, -9.81)
     frames: int = Field(default=800, ge=1)
     particle_radius: Finite = PARTICLE_RADIUS
     fps: Length | None = None
@@ -141,7 +141,7 @@ class Scene(StrictModel):
         surface: Shape | Surface | None = None,
         surfaces: Mapping[str, Shape | Surface] | None = None,
         container: Container = STANDARD_CONTAINER,
-        gravity: Vector = (0.0, 0.0, -9.81),
+        gravity: Velocity = (0.0, 0.0, -9.81),
         frames: int | None = None,
         particle_radius: float = PARTICLE_RADIUS,
         fps: float | None = None,

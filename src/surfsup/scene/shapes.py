@@ -6,15 +6,20 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
 
+import numpy as np
 import torch
 from pydantic import Field, model_validator
 
 from surfsup import sdf
-from surfsup.scene.strict_model import Finite, Length, StrictModel, Vector
+from surfsup.errors import InputError
+from surfsup.scene.strict_model import Degrees, Finite, Length, Place, StrictModel, Vector
 from surfsup.sdf.neural.shipped_surfaces import path_from
 
 if TYPE_CHECKING:
     import trimesh
+
+
+FAR = 100.0  # meters from the origin beyond which a mesh is centered: single precision errs by 0.01 mm there
 
 
 class PrimitiveShape(StrictModel):
@@ -99,16 +104,25 @@ class MeshShape(StrictModel):
     """The triangles in ``file``.
 
     ``fit`` scales the largest extent to that many meters, centers the mesh in x and y and puts it on z = 0. Without it
-    the mesh keeps its own coordinates, in meters. ``up`` is the upward axis of the file.
+    the mesh keeps its own coordinates, in meters. ``up`` is the upward axis of the file. ``thicken`` makes walls of
+    that thickness, in meters, of all open parts; ``fit`` then is the extent with these walls.
     """
 
     file: Path
     fit: Length | None = None
     up: Literal["y", "z"] | None = None
+    thicken: Length | None = None
 
     def mesh(self, folder: Path = Path()) -> trimesh.Trimesh:
         """Read and place the triangles; ``folder`` is the base of relative paths."""
-        mesh = sdf.load_mesh(folder / self.file, up=self.up)
+        mesh = sdf.load_mesh(folder / self.file, up=self.up, keep_sheets=self.thicken is not None)
+        if self.thicken is None:
+            return mesh if self.fit is None else sdf.fit_mesh(mesh, self.fit)[0]
+        if self.fit is not None:
+            if self.fit <= self.thicken:
+                raise InputError(f"{folder / self.file}: fit {self.fit:.3g} must exceed thicken {self.thicken:.3g}")
+            mesh, _ = sdf.fit_mesh(mesh, self.fit - self.thicken)
+        mesh = sdf.thicken_sheets(mesh, self.thicken, str(folder / self.file))
         return mesh if self.fit is None else sdf.fit_mesh(mesh, self.fit)[0]
 
     def surface(self, folder: Path = Path()) -> sdf.Surface:
@@ -182,12 +196,12 @@ class Rotation(StrictModel):
     """A right-handed rotation about ``axis``."""
 
     axis: Vector
-    degrees: Finite
+    degrees: Degrees
 
     @model_validator(mode="after")
     def check_axis(self) -> Rotation:
         """Require a direction."""
-        if not any(self.axis):
+        if max(map(abs, self.axis)) < 1e-12:
             raise ValueError("axis must not be zero")
         return self
 
@@ -211,7 +225,7 @@ class Shape(StrictModel):
     difference: list[Shape] | None = Field(default=None, min_length=2, max_length=2)
     scale: Length = 1.0
     rotate: Rotation | None = None
-    at: Vector = (0.0, 0.0, 0.0)
+    at: Place = (0.0, 0.0, 0.0)
 
     @model_validator(mode="before")
     @classmethod
@@ -247,11 +261,34 @@ class Shape(StrictModel):
         Raises:
             InputError: a file is missing or unusable.
         """
+        if self.mesh is not None:
+            return self.placed_mesh(folder)
         content = getattr(self, self.kind)
         surface = COMBINATIONS[self.kind](content, folder) if self.kind in COMBINATIONS else content.surface(folder)
         if self.scale == 1.0 and self.rotate is None and not any(self.at):
             return surface
         return sdf.Transformed(surface, self.rotation(), self.at, self.scale)
+
+    def placed_mesh(self, folder: Path) -> sdf.Surface:
+        """The surface of a mesh; one far from its own origin is centered first, in double precision.
+
+        Coordinates of the Earth, moved into the container by ``at``, so lose nothing to single precision.
+        """
+        assert self.mesh is not None
+        mesh, at = self.mesh.mesh(folder), self.at
+        middle = np.asarray(mesh.bounds).mean(axis=0)
+        if np.abs(middle).max() > FAR:
+            mesh.vertices = np.asarray(mesh.vertices) - middle
+            rotation = np.eye(3)
+            if self.rotate:
+                axis, degrees = (torch.tensor(v, dtype=torch.float64) for v in (self.rotate.axis, self.rotate.degrees))
+                rotation = sdf.axis_rotation(axis, degrees).numpy()
+            x, y, z = (np.asarray(at) + self.scale * rotation @ middle).tolist()
+            at = (x, y, z)
+        surface = sdf.MeshSurface(mesh)
+        if self.scale == 1.0 and self.rotate is None and not any(at):
+            return surface
+        return sdf.Transformed(surface, self.rotation(), at, self.scale)
 
     def rotation(self) -> torch.Tensor:
         """The rotation matrix (3, 3)."""

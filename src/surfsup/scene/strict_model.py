@@ -10,9 +10,20 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from surfsup.errors import InputError
 from surfsup.scene.validation_error import format_validation_error
 
-Length = Annotated[float, Field(gt=0, allow_inf_nan=False)]
-Finite = Annotated[float, Field(allow_inf_nan=False)]
+# Single precision resolves particles of 15 mm up to here: at 10 km its numbers are 1 mm apart.
+MAX_LENGTH = 1e4  # meters
+MAX_SPEED = 1e4  # m/s, also for gravity in m/s²
+MAX_COORDINATE = 1e8  # meters, for the place of a mesh in the coordinates of the Earth
+Length = Annotated[float, Field(gt=0, le=MAX_LENGTH, allow_inf_nan=False)]
+Finite = Annotated[float, Field(ge=-1e30, le=1e30, allow_inf_nan=False)]
 Vector = tuple[Finite, Finite, Finite]
+Position = Annotated[float, Field(ge=-MAX_LENGTH, le=MAX_LENGTH, allow_inf_nan=False)]
+PositionVector = tuple[Position, Position, Position]
+Speed = Annotated[float, Field(ge=-MAX_SPEED, le=MAX_SPEED, allow_inf_nan=False)]
+Velocity = tuple[Speed, Speed, Speed]
+Degrees = Annotated[float, Field(ge=-1e6, le=1e6, allow_inf_nan=False)]
+Coordinate = Annotated[float, Field(ge=-MAX_COORDINATE, le=MAX_COORDINATE, allow_inf_nan=False)]
+Place = tuple[Coordinate, Coordinate, Coordinate]
 Initializer = TypeVar("Initializer", bound=Callable[..., None])
 
 

@@ -2,16 +2,19 @@
 
 from surfsup.sdf.boxes import Boxes
 from surfsup.sdf.combine import Difference, Intersection, Union
-from surfsup.sdf.heightfield import Heightfield, load_heights
+from surfsup.sdf.heightfield import Heightfield
 from surfsup.sdf.marching_cubes import polygonize
-from surfsup.sdf.mesh.mesh_file import MeshWarning, fit_mesh, load_mesh
+from surfsup.sdf.mesh.cleaning import MeshWarning
+from surfsup.sdf.mesh.mesh_file import fit_mesh, load_mesh
 from surfsup.sdf.mesh.surface import MeshSurface
+from surfsup.sdf.mesh.thicken import thicken_sheets
 from surfsup.sdf.neural.deepsdf import DeepSdf, DeepSdfSurface, load_deepsdf, save_deepsdf
 from surfsup.sdf.neural.shipped_surfaces import shipped_surfaces, surface_path
 from surfsup.sdf.neural.siren import SirenSurface, load_siren, save_siren
 from surfsup.sdf.neural.surface import NeuralSurface, fit_surface
 from surfsup.sdf.primitives import Box, CappedCone, Cylinder, Sphere, Torus
 from surfsup.sdf.surface import Surface
+from surfsup.sdf.terrain_file import load_heights
 from surfsup.sdf.transform import Transformed, axis_rotation
 from surfsup.sdf.vessels import WALL, Bowl, Funnel
 
@@ -49,4 +52,5 @@ __all__ = [
     "save_siren",
     "shipped_surfaces",
     "surface_path",
+    "thicken_sheets",
 ]

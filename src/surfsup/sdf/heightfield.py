@@ -1,120 +1,20 @@
-"""Terrain: a grid of heights from a file, as a closed solid."""
+"""Terrain as a closed solid."""
 
 from __future__ import annotations
 
-import warnings
-import zipfile
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from surfsup.errors import InputError
 from surfsup.sdf.mesh.surface import MeshSurface
+from surfsup.sdf.terrain_file import shape_text
 
 if TYPE_CHECKING:
     import trimesh
 
-SUFFIXES = (".png", ".tif", ".tiff", ".npz", ".npy")
-GRAY_MODES = ("L", "F", "I")  # Pillow's modes for gray of 8 bits, floats and 32 bits; those of 16 bits start with I;
-NODATA_TAG = 42113  # TIFF tag of GDAL for the value of unknown samples
-MAX_FILE_SAMPLES = 50_000_000
-MAX_SAMPLES = 1_000_000  # of a surface, two triangles each
+MAX_SAMPLES = 1_500_000  # of a surface, two triangles each: a tile of 1201 x 1201 is one
 ROUNDING = 1e-9
-
-
-def load_heights(path: str | Path) -> np.ndarray:
-    """The heights (rows, columns) float64 in a file, in the units of the file; row 0 is north.
-
-    The file is a gray PNG of 8 or 16 bits, a GeoTIFF of one band, an NPY file, or an NPZ file with one two-dimensional
-    array. Coordinates in the file are ignored.
-
-    Raises:
-        InputError: The file is missing, of another format, damaged, in color, too small or too large, or has holes.
-    """
-    path = Path(path)
-    suffix = path.suffix.lower()
-    if suffix not in SUFFIXES:
-        raise InputError(f"{path}: is not a terrain that can be read; give one that ends in {', '.join(SUFFIXES)}")
-    if not path.is_file():
-        raise InputError(f"{path}: cannot be read; check the path")
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # Pillow warns of large images; check_count() raises an error
-            heights = read_array(path) if suffix in (".npz", ".npy") else read_image(path)
-    except InputError:
-        raise
-    except Exception as error:
-        # Readers raise all kinds of exceptions on damaged files.
-        reason = " ".join(str(error).split())[:120] or type(error).__name__
-        raise InputError(
-            f"{path}: is damaged or not a {suffix[1:].upper()} file ({reason}); export it again"
-        ) from error
-    if min(heights.shape) < 2:
-        raise InputError(f"{path}: has {shape_text(heights)} samples; a terrain needs at least 2 along each side")
-    holes = int((~np.isfinite(heights)).sum())
-    if holes:
-        raise InputError(
-            f"{path}: has holes: {holes} of {heights.size} samples are unknown; fill them first, "
-            "for instance with gdal_fillnodata"
-        )
-    return heights
-
-
-def read_image(path: Path) -> np.ndarray:
-    """The samples of a gray image, float64; those that GDAL marks as unknown are NaN.
-
-    Raises:
-        InputError: The image is in color or too large.
-    """
-    from PIL import Image
-
-    Image.init()
-    with Image.open(path) as image:
-        check_count(path, image.size)
-        if image.mode not in GRAY_MODES and not image.mode.startswith("I;"):
-            raise InputError(
-                f"{path}: is not a gray image (its mode is {image.mode}); give one with heights as gray values"
-            )
-        nodata = getattr(image, "tag_v2", {}).get(NODATA_TAG)
-        samples = np.asarray(image)
-    heights = samples.astype(np.float64)
-    if nodata is not None:
-        # The tag has all digits of the value; the samples may be rounded to single precision.
-        unknown = float(str(nodata).strip("\0 "))
-        heights[heights == (np.float64(np.float32(unknown)) if samples.dtype == np.float32 else unknown)] = np.nan
-    return heights
-
-
-def read_array(path: Path) -> np.ndarray:
-    """The samples of a NumPy file, float64; nothing is unpickled.
-
-    Raises:
-        InputError: The file contains no two-dimensional array of numbers, several, or one that is too large.
-    """
-    if path.suffix.lower() == ".npy":
-        arrays = {"": np.load(path, mmap_mode="r", allow_pickle=False)}
-    else:
-        with zipfile.ZipFile(path) as archive:
-            check_count(path, (sum(entry.file_size for entry in archive.infolist()) // 8, 1))
-        with np.load(path, allow_pickle=False) as file:
-            arrays = {name: file[name] for name in file.files}
-    grids = [array for array in arrays.values() if array.ndim == 2 and array.dtype.kind in "iuf"]
-    if len(grids) != 1:
-        raise InputError(f"{path}: contains {len(grids)} two-dimensional arrays of numbers, but must contain just one")
-    check_count(path, grids[0].shape)
-    return np.array(grids[0], dtype=np.float64)
-
-
-def check_count(path: Path, shape: tuple[int, ...]) -> None:
-    """Refuse files with too many samples.
-
-    Raises:
-        InputError: There are more than MAX_FILE_SAMPLES.
-    """
-    count = shape[0] * shape[1]
-    if count > MAX_FILE_SAMPLES:
-        raise InputError(f"{path}: has {count:,} samples, more than {MAX_FILE_SAMPLES:,}; cut out a part or reduce it")
 
 
 class Heightfield(MeshSurface):
@@ -224,8 +124,3 @@ def falling_diagonal(
     The flatter diagonal does not cut notches into ridges.
     """
     return np.abs(north_west - south_east) <= np.abs(north_east - south_west)
-
-
-def shape_text(heights: np.ndarray) -> str:
-    """Rows and columns, for messages."""
-    return f"{heights.shape[0]} x {heights.shape[1]}"

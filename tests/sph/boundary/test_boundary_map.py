@@ -3,7 +3,7 @@ import pytest
 import torch
 
 from surfsup.scene import Container, Scene
-from surfsup.sdf import Box, Sphere, Surface, Transformed
+from surfsup.sdf import Box, Difference, Sphere, Surface, Transformed
 from surfsup.sph.boundary.boundary_map import BoundaryMap, MapTables
 from surfsup.sph.boundary.density import plane_fraction
 from surfsup.sph.boundary.shape_functions import CELL_NODES
@@ -88,3 +88,11 @@ def test_the_nodes_hold_the_values_of_the_reference_s_map():
     nodes = made.lower + made.cell * (np.array([x, y, z]) + CELL_NODES / 3)
     expected = BALL.distance(torch.from_numpy(nodes.astype(np.float32))).numpy()
     np.testing.assert_allclose(made.nodes[made.cell_indices[cell], 0], expected, atol=1e-5)
+
+
+def test_beside_the_rim_of_a_hole_the_map_has_the_true_distance():
+    plate = Difference(Box((0.8, 0.8, 0.06)), Box((0.15, 0.15, 0.3)))
+    boundary = BoundaryMap.of(Transformed(plate, translation=(0, 0, 0.5)), Container())
+    distance, _, normal = boundary.query(torch.tensor([[0.055, 0.0, 0.545]]))
+    assert distance.item() == pytest.approx(0.025, abs=1.5e-3)
+    torch.testing.assert_close(normal[0], torch.tensor([-0.8, 0.0, 0.6]), atol=0.05, rtol=0)

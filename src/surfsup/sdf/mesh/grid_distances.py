@@ -8,6 +8,7 @@ from torch import Tensor
 
 from surfsup.sdf.grid import CHUNK, SdfGrid, grid_nodes
 from surfsup.sdf.mesh.query import MeshQuery
+from surfsup.sdf.mesh.signs import nodes_inside
 
 
 def mesh_grid(query: MeshQuery, cell: float, margin: float) -> SdfGrid:
@@ -27,11 +28,11 @@ def mesh_distances(query: MeshQuery, cell: float, margin: float) -> tuple[Tensor
     shape = tuple(np.ceil((np.ptp(query.vertices, axis=0) + 2 * margin) / cell).astype(int).tolist())
     shape = tuple(count + 1 for count in shape)
     nodes = grid_nodes(lower, cell, shape).numpy()
-    signed, gradients = [], []
-    for part in np.array_split(nodes, max(1, len(nodes) // CHUNK)):
-        distance, face, closest = query.nearest(part)
-        inside = query.inside(part)
-        signed.append(np.where(inside, -distance, distance))
-        gradients.append(query.normal(part, distance, face, closest, inside))
-    distances, normals = (torch.from_numpy(np.concatenate(parts)) for parts in (signed, gradients))
+    parts = np.array_split(nodes, max(1, len(nodes) // CHUNK))
+    nearest = [query.nearest(part) for part in parts]
+    unsigned = np.concatenate([distance for distance, _, _ in nearest])
+    sides = np.array_split(nodes_inside(query, nodes, unsigned.reshape(shape), cell), len(parts))
+    gradients = [query.normal(part, *found, inside) for part, found, inside in zip(parts, nearest, sides, strict=True)]
+    signed = np.where(np.concatenate(sides), -unsigned, unsigned)
+    distances, normals = torch.from_numpy(signed), torch.from_numpy(np.concatenate(gradients))
     return distances.reshape(shape), normals.reshape(*shape, 3), lower

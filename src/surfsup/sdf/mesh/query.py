@@ -2,11 +2,18 @@
 
 from __future__ import annotations
 
+from functools import cached_property
+from typing import TYPE_CHECKING
+
 import numpy as np
 import torch
 
 from surfsup import native
 from surfsup.native.dispatch import is_built
+from surfsup.sdf.mesh.topology import open_edges
+
+if TYPE_CHECKING:
+    import igl
 
 # Distance over the mesh's largest extent, below which rounding dominates the direction from the closest point.
 ON_SURFACE = 1e-5
@@ -25,17 +32,15 @@ class MeshQuery:
     """
 
     def __init__(self, vertices: np.ndarray, faces: np.ndarray) -> None:
-        import igl
-
         self.vertices = np.ascontiguousarray(vertices, dtype=np.float64)
         self.faces = np.ascontiguousarray(faces, dtype=np.int64)
         if is_built():
             self.bvh = native.TriangleBvh(self.vertices, self.faces)
         else:
+            import igl
+
             self.tree = igl.AABB()
             self.tree.init(self.vertices, self.faces)
-        self.winding = igl.FastWindingNumberBVH()
-        self.winding.init(self.vertices, self.faces)
         self.extent = float(np.ptp(self.vertices, axis=0).max())
         self.face_normals, self.vertex_normals = normals_of(self.vertices, self.faces)
 
@@ -91,11 +96,50 @@ class MeshQuery:
         corner = self.faces[face, weight.argmax(axis=1)]
         normal[near_corner] = self.vertex_normals[corner[near_corner]]
         on_edge = np.flatnonzero((weight.min(axis=1) < 1e-4) & ~near_corner)
-        for index in on_edge:
-            ends = np.delete(self.faces[face[index]], weight[index].argmin())
-            around = (self.faces == ends[0]).any(axis=1) & (self.faces == ends[1]).any(axis=1)
-            normal[index] = unit(self.face_normals[around].sum(axis=0))
+        if len(on_edge):
+            opposite = weight[on_edge].argmin(axis=1)
+            corners = self.faces[face[on_edge]]
+            rows = np.arange(len(on_edge))
+            ends = np.stack([corners[rows, (opposite + 1) % 3], corners[rows, (opposite + 2) % 3]])
+            normal[on_edge] = self.edge_normals(*ends)
         return normal
+
+    def edge_normals(self, start: np.ndarray, end: np.ndarray) -> np.ndarray:
+        """The mean normal (N, 3) of the faces around each edge from vertex ``start`` to ``end`` (N,)."""
+        keys, order = self.edge_faces
+        requested, inverse = np.unique(edge_keys(start, end, len(self.vertices)), return_inverse=True)
+        first, last = np.searchsorted(keys, requested, side="left"), np.searchsorted(keys, requested, side="right")
+        edge = np.repeat(np.arange(len(requested)), last - first)
+        around = order[np.arange(len(edge)) - np.repeat(np.cumsum(last - first) - last, last - first)]
+        normals = np.zeros((len(requested), 3))
+        np.add.at(normals, edge, self.face_normals[around])
+        return unit(normals)[inverse.ravel()]
+
+    @cached_property
+    def winding(self) -> igl.FastWindingNumberBVH:
+        """The tree for winding numbers, which terrain does without."""
+        import igl
+
+        tree = igl.FastWindingNumberBVH()
+        tree.init(self.vertices, self.faces)
+        return tree
+
+    @cached_property
+    def is_closed(self) -> bool:
+        """Whether no edge is open, so that winding numbers are integers."""
+        return not open_edges(self.faces).any()
+
+    @cached_property
+    def edge_faces(self) -> tuple[np.ndarray, np.ndarray]:
+        """The edges of all faces as sorted keys (3 F,), and the face (3 F,) of each."""
+        keys = edge_keys(self.faces.ravel(), np.roll(self.faces, -1, axis=1).ravel(), len(self.vertices))
+        order = np.argsort(keys, kind="stable")
+        return keys[order], order // 3
+
+
+def edge_keys(start: np.ndarray, end: np.ndarray, vertex_count: int) -> np.ndarray:
+    """A number (N,) for each edge between the vertices ``start`` and ``end`` (N,), in either direction."""
+    return np.minimum(start, end) * vertex_count + np.maximum(start, end)
 
 
 def normals_of(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

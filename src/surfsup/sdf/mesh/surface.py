@@ -14,6 +14,7 @@ from surfsup.native.dispatch import is_built
 from surfsup.sdf.grid import SdfGrid
 from surfsup.sdf.mesh.grid_distances import mesh_grid
 from surfsup.sdf.mesh.query import ON_SURFACE, MeshQuery, unit
+from surfsup.sdf.mesh.topology import used_vertices
 from surfsup.sdf.native_query import distance_and_normal_native, distance_native
 from surfsup.sdf.surface import Surface
 
@@ -68,7 +69,7 @@ class MeshSurface(Surface):
         self.query = MeshQuery(vertices, faces)
         self.cells, self.exact = cells, exact
         self.grids: tuple[SdfGrid, SdfGrid] | None = None  # a tuple, so that they stay on the CPU
-        used = vertices[np.unique(faces)]
+        used = vertices[used_vertices(faces, len(vertices))]
         box = np.stack([used.min(axis=0), used.max(axis=0)])
         self.register_buffer("box", torch.as_tensor(box, dtype=torch.float32))
 

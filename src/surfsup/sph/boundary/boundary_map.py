@@ -18,6 +18,7 @@ from surfsup import native
 from surfsup.errors import InputError
 from surfsup.scene import Container
 from surfsup.sdf import Surface
+from surfsup.sdf.true_distance import TrueDistance, is_bound
 from surfsup.sph.boundary.density import MIN_DEPTH, VOLUME_FACTOR
 from surfsup.sph.boundary.scene_boundaries import map_in_container, whole_map
 from surfsup.sph.boundary.shape_functions import CELL_NODES, shape_functions
@@ -50,9 +51,13 @@ class MapTables:
 
     @classmethod
     def of(cls, surface: Surface, container: Container) -> MapTables:
-        """The reference's map of ``surface`` without deep cells; no cell where the solid is far from the container."""
+        """The reference's map of ``surface`` without deep cells; no cell where the solid is far from the container.
+
+        If parts are cut off, the distance to triangles replaces the bound: with it, a hole drains 40 % too slowly.
+        """
         try:
-            volume_map = map_in_container(surface, container, -MIN_DEPTH)
+            solid = TrueDistance(surface) if is_bound(surface) else surface
+            volume_map = map_in_container(solid, container, -MIN_DEPTH)
         except InputError:
             lower, cell, resolution = np.zeros(3, np.float32), np.ones(3, np.float32), np.ones(3, np.int32)
             return cls(lower, cell, resolution, np.full(1, -1, np.int32), far_nodes())

@@ -9,14 +9,14 @@ from torch import Tensor
 
 from surfsup.errors import InputError
 from surfsup.scene import WALL_CELL, Container, Scene
-from surfsup.sdf import Box, MeshSurface, Surface, Transformed, polygonize
+from surfsup.sdf import Box, Surface, Transformed
+from surfsup.sdf.true_distance import TrueDistance
 from surfsup.sph.boundary.volume_map import VolumeMap, build_volume_map
 from surfsup.sph.kernels import KERNEL_SUPPORT
 
 SURFACE_CELL = 0.025  # meters
 WALL_MARGIN = 0.1  # meters that a map extends past the walls, so that a particle that slips through is pushed back
 MAX_CELLS = 4_000_000  # of the map of a solid that moves: about 2 GB while it is made
-MESH_RESOLUTION = 160  # marching cubes cells along the longest side, for a solid whose value is only a bound
 
 
 class Walls(Surface):
@@ -56,8 +56,8 @@ def wall_map(container: Container) -> VolumeMap:
 def surface_map(surface: Surface, container: Container) -> VolumeMap:
     """The volume map of ``surface`` where particles can reach it.
 
-    The map needs exact distances outside the solid. If the value of ``surface`` is only a bound there, as beside the
-    edges of a difference, the distance to its triangles replaces it.
+    The map needs true distances outside the solid. If the value of ``surface`` is not that, the distance to its
+    triangles replaces it.
 
     Raises:
         InputError: the surface has no point near the container.
@@ -66,8 +66,8 @@ def surface_map(surface: Surface, container: Container) -> VolumeMap:
 
 
 def exact_outside(surface: Surface) -> Surface:
-    """The surface, or its triangles if its value outside is only a bound."""
-    return surface if surface.exact_outside else MeshSurface(polygonize(surface, MESH_RESOLUTION), exact=True)
+    """The surface, or its true distance if its value outside is only a bound."""
+    return surface if surface.exact_outside else TrueDistance(surface)
 
 
 def map_in_container(surface: Surface, container: Container, depth: float = KERNEL_SUPPORT) -> VolumeMap:

@@ -1,0 +1,46 @@
+"""The true distance of solids whose own value is only a bound, such as differences beside the edges of the cut."""
+
+from __future__ import annotations
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from surfsup.sdf.combine import Difference, Intersection
+from surfsup.sdf.marching_cubes import polygonize
+from surfsup.sdf.mesh.query import MeshQuery
+from surfsup.sdf.surface import Surface
+
+RESOLUTION = 160  # cells of marching cubes along the longest side
+
+
+def is_bound(surface: Surface) -> bool:
+    """Whether the value outside is only a bound, because parts are intersected or cut off."""
+    return any(isinstance(part, Intersection | Difference) for part in surface.modules())
+
+
+class TrueDistance(Surface):
+    """The solid of ``surface`` with its true distance, for queries of maps.
+
+    The distance is that to triangles of the zero set, which cut off a sharp edge by up to half a cell of marching
+    cubes. The sign is that of ``surface``, which is exact.
+
+    Raises:
+        InputError: The solid is empty.
+    """
+
+    def __init__(self, surface: Surface) -> None:
+        super().__init__()
+        self.surface = surface
+        mesh = polygonize(surface, RESOLUTION)
+        self.query = MeshQuery(np.asarray(mesh.vertices), np.asarray(mesh.faces))
+
+    def distance(self, points: Tensor) -> Tensor:
+        """Signed distance (N,), without a gradient."""
+        bound = self.surface.distance(points).detach()
+        to_mesh, _, _ = self.query.nearest(points.detach().cpu().double().numpy())
+        return torch.copysign(torch.from_numpy(to_mesh).to(bound), bound)
+
+    def bounds(self) -> Tensor:
+        """The box of the surface (2, 3)."""
+        return self.surface.bounds()
