@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from surfsup.fitting.fit import Fit, FitConfig
     from surfsup.optim.stopping import Stop
 
-USABLE_SHARE = 0.1  # of all steps; with fewer a fit is only a rough shape
+MIN_STEP_SHARE = 0.1  # of all steps; with fewer a fit is only a rough shape
 
 Config = TypeVar("Config", bound="FitConfig")
 
@@ -87,7 +87,7 @@ def run_and_write(fit: Fit[Any, Any], stop: Stop, resume: bool, write: Callable[
     for line in lines:
         typer.echo(line)
     typer.echo(f"{fit.step} of {fit.config.steps} steps in {fit.processor_seconds:.0f} s of processor time")
-    if fit.step < USABLE_SHARE * fit.config.steps:
+    if fit.step < MIN_STEP_SHARE * fit.config.steps:
         typer.echo("so few steps give a rough shape that is not fit for water: continue with --resume and more --time")
     if stop.signaled:
         raise Interrupted(RESUMABLE)
