@@ -90,8 +90,8 @@ class FromFirstHidden(torch.autograd.Function):
         to_output, to_scale, to_shift = torch.ops.aten.native_layer_norm_backward(
             gradient.contiguous(), output, scale.shape, mean, inverse_std, scale, shift, [True, True, True]
         )
-        if gradient.dtype == torch.bfloat16:
-            # On a CPU torch adds up bfloat16 in bfloat16, and the sum over many rows stops growing.
+        if gradient.dtype == torch.bfloat16 and gradient.device.type == "cpu":
+            # There torch adds up bfloat16 in bfloat16, and the sum over many rows stops growing.
             rows, normalized = gradient.float(), (output.float() - mean) * inverse_std
             to_scale, to_shift = (rows * normalized).sum(dim=0), rows.sum(dim=0)
         to_hidden_2 = relu_backward_(linear(to_output, output_weight.t()), hidden_2)
