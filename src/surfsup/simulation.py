@@ -161,7 +161,9 @@ class Simulation:
             raise InputError(f"a simulation is reset to its 'state', not to {type(state).__name__}")
         state = self._start if state is None else state
         # What began to move after that state stood at rest in it.
-        rest = {name: pose for name, pose in self.motion.solids.poses(0.0).items() if name not in state.poses}
+        rest = {
+            name: pose for name, pose in self.motion.solids.poses(self._start_time).items() if name not in state.poses
+        }
         self._state = replace(state, poses={**rest, **state.poses}) if rest else state
 
     @torch.no_grad()

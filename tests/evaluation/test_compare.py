@@ -4,7 +4,9 @@ import torch
 
 from surfsup.evaluation.compare import compare
 from surfsup.evaluation.metrics import chamfer, kd_tree, max_density
-from surfsup.io.trajectory import Trajectory
+from surfsup.io.trajectory import Provenance, Trajectory, TrajectoryWriter
+from surfsup.scene import Scene
+from surfsup.scene.solids import build_solids
 from tests.evaluation.scenes import FRAMES, SCENE, free_fall, write
 
 LONG = SCENE.with_frames(40)  # more than one read
@@ -114,3 +116,24 @@ def test_no_particle_is_near_in_an_empty_container(tmp_path):
         (found,) = compare(trajectory, [trajectory])
     assert not found.prediction.near.any()
     assert not found.surface.any()
+
+
+def test_particles_inside_a_solid_that_moves_and_outside_a_container_that_moves_are_counted(tmp_path):
+    scene = Scene.from_yaml(
+        "container: {size: [1, 1, 2], motion: {between: linear, keyframes: ["
+        "{time: 0}, {time: 0.05, position: [0.1, 0, 0]}]}}\n"
+        "surfaces: {ball: {sphere: {radius: 0.1}, motion: {between: linear, keyframes: ["
+        "{time: 0, position: [-0.3, 0, 1]}, {time: 0.05, position: [0.3, 0, 1]}]}}}\n"
+        "frames: 11\nfluid: [{block: {min: [-0.03, -0.03, 0.97], max: [0.03, 0.03, 1.03]}}]",
+        "test",
+    )
+    positions = np.array([[0, 0, 1], [-0.445, 0, 1]], np.float32)
+    solids = build_solids(scene)
+    with TrajectoryWriter(tmp_path / "t.h5", scene, Provenance("test"), 2) as writer:
+        for number in range(11):
+            writer.append(positions, np.zeros_like(positions), solids.poses(number * 0.005))
+    with Trajectory(tmp_path / "t.h5") as trajectory:
+        (comparison,) = compare(trajectory, [trajectory])
+    # The ball covers the first particle in frames 4 to 6; the wall passes the second in frame 6.
+    np.testing.assert_array_equal(comparison.prediction.inside, [0, 0, 0, 0, 1, 1, 1, 0, 0, 0, 0])
+    np.testing.assert_array_equal(comparison.prediction.lost, [0] * 6 + [1] * 5)

@@ -18,7 +18,7 @@ from surfsup.evaluation.metrics import (
     mean_chamfer,
     nearest_distances,
 )
-from surfsup.evaluation.near_surface import surface_for_metrics
+from surfsup.evaluation.near_surface import solids_for_metrics
 from surfsup.evaluation.trajectory_statistics import StatisticsRecorder, TrajectoryStatistics, ValidParticles
 from surfsup.io.trajectory import Trajectory
 from surfsup.scene import NEAR_SURFACE_DISTANCE
@@ -99,8 +99,8 @@ def compare(
         OSError: a file is damaged.
     """
     frames = min(len(trajectory) for trajectory in (reference, *predictions))
-    surface, scale = surface_for_metrics(reference.scene), reference.scene.units.length
-    recorders = [StatisticsRecorder(one, frames, surface, threshold) for one in (reference, *predictions)]
+    solids, scale = solids_for_metrics(reference), reference.scene.units.length
+    recorders = [StatisticsRecorder(one, frames, solids, threshold) for one in (reference, *predictions)]
     reference_statistics = recorders[0].statistics
     comparisons = [
         Comparison(recorder.statistics, reference_statistics, *(np.full(frames, np.nan) for _ in range(4)))

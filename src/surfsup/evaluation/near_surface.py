@@ -7,7 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 
+from surfsup.io.trajectory import Trajectory
 from surfsup.scene import Scene
+from surfsup.scene.solids import Solids, build_solids
 from surfsup.sdf import MeshSurface, NeuralSurface, Surface
 
 ROUNDING = 1e-6  # meters; distances are float32
@@ -22,11 +24,26 @@ def surface_for_metrics(scene: Scene) -> Surface | None:
     Raises:
         InputError: a mesh file is missing or not valid.
     """
-    surface = scene.build_surface()
-    if surface is not None:
-        for part in surface.modules():
-            if isinstance(part, MeshSurface | NeuralSurface):
-                part.exact = True
+    return with_exact_distances(scene.build_surface())
+
+
+def solids_for_metrics(trajectory: Trajectory) -> Solids:
+    """The solids of a trajectory with exact distances, those that move in their own frames.
+
+    Raises:
+        InputError: a mesh file is missing or not valid.
+    """
+    solids = build_solids(trajectory.scene, list(trajectory.poses))
+    for surface in (solids.still, *(solid.surface for solid in solids.moving)):
+        with_exact_distances(surface)
+    return solids
+
+
+def with_exact_distances(surface: Surface | None) -> Surface | None:
+    """The same surface, whose meshes and networks answer with exact distances from now on."""
+    for part in () if surface is None else surface.modules():
+        if isinstance(part, MeshSurface | NeuralSurface):
+            part.exact = True
     return surface
 
 

@@ -8,9 +8,10 @@ import numpy as np
 
 from surfsup.datasets.generation.physical_check import MAX_SPEED
 from surfsup.evaluation.metrics import center_height, inside_container, kinetic_energy
-from surfsup.evaluation.near_surface import ContactTracker
+from surfsup.evaluation.near_surface import Contact, ContactTracker
 from surfsup.io.trajectory import Trajectory
-from surfsup.sdf import Surface
+from surfsup.scene.pose import Pose
+from surfsup.scene.solids import CONTAINER, Solids
 
 
 @dataclass(frozen=True)
@@ -60,14 +61,16 @@ class StatisticsRecorder:
     Args:
         trajectory: the trajectory.
         frames: number of frames to read.
-        surface: the scene's solid, or None.
+        solids: of the scene; those that move are where the trajectory, or else its scene, has them.
         threshold: meters; a closer particle is near the surface.
     """
 
-    def __init__(self, trajectory: Trajectory, frames: int, surface: Surface | None, threshold: float) -> None:
+    def __init__(self, trajectory: Trajectory, frames: int, solids: Solids, threshold: float) -> None:
         self.trajectory = trajectory
         self.statistics = TrajectoryStatistics.undefined(frames)
-        self.contacts = ContactTracker(surface, threshold)
+        self.contacts = ContactTracker(solids.still, threshold)
+        self.moving = [(solid.name, ContactTracker(solid.surface, threshold)) for solid in solids.moving]
+        self.poses = [self._poses(solids, number) for number in range(frames if solids.move else 0)]
         self.max_speed = MAX_SPEED * trajectory.scene.units.velocity
         container = trajectory.scene.container
         self.lower, self.upper = (np.array(corner, np.float32) for corner in (container.lower, container.upper))
@@ -79,15 +82,35 @@ class StatisticsRecorder:
 
     def record_frame(self, positions: np.ndarray, velocities: np.ndarray, number: int) -> ValidParticles:
         """Record frame ``number``: positions and velocities (N, 3)."""
-        statistics, contact = self.statistics, self.contacts.classify(positions)
+        statistics, contact = self.statistics, self._classify(positions, number)
         statistics.inside[number] = len(contact.depths)
         statistics.depth[number] = contact.depths.sum()
         statistics.near[number] = contact.near.sum()
         # A comparison with NaN is false, so a particle with a NaN velocity is not valid either.
         valid = np.isfinite(positions).all(axis=1) & (np.square(velocities).sum(axis=1) <= self.max_speed**2)
-        contained = inside_container(positions, self.lower, self.upper) & valid
+        shaken = self.poses[number].get(CONTAINER) if self.poses else None
+        own = positions if shaken is None else shaken.to_own(positions)
+        contained = inside_container(own, self.lower, self.upper) & valid
         statistics.lost[number] = len(positions) - contained.sum()
         if valid.any():
             statistics.height[number] = center_height(positions[valid])
             statistics.energy[number] = kinetic_energy(velocities[valid])
         return ValidParticles(positions[valid], contact.near[valid])
+
+    def _poses(self, solids: Solids, number: int) -> dict[str, Pose]:
+        """Where everything that moves is in a frame."""
+        written = self.trajectory.poses
+        time = self.trajectory.scene.start_time + number * self.trajectory.frame_time
+        described = {} if written else solids.poses(time)
+        return {**described, **{name: Pose.from_array(rows[number]) for name, rows in written.items()}}
+
+    def _classify(self, positions: np.ndarray, number: int) -> Contact:
+        """The contact of a frame with all solids; a particle inside two of them counts in both."""
+        contacts = [self.contacts.classify(positions)]
+        for name, tracker in self.moving:
+            own = self.poses[number][name].to_own(positions).astype(np.float32)
+            contacts.append(tracker.classify(own))
+        if len(contacts) == 1:
+            return contacts[0]
+        near = np.any([contact.near for contact in contacts], axis=0)
+        return Contact(near, np.concatenate([contact.depths for contact in contacts]))

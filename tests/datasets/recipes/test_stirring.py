@@ -15,9 +15,9 @@ def test_every_scene_starts_clear_of_its_paddle_and_the_paddle_stays_in_the_cont
     assert scene.model_dump() == SCENES[index].model_dump()
     solids = build_solids(scene)
     (paddle,) = solids.moving
-    start = scene.initial_particles(solids.at_start())
+    start = scene.initial_particles(solids.at_time(0.0))
     assert start.excluded == 0 and 1000 < len(start.positions) < 5000
-    assert float(solids.at_start().distance(torch.from_numpy(start.positions)).min()) > 0.04
+    assert float(solids.at_time(0.0).distance(torch.from_numpy(start.positions)).min()) > 0.04
     walls = points_on_walls(scene)
     for frame in (0, 50, 100):
         solid = solids.at({"paddle": paddle.pose(frame * FRAME_TIME)})
