@@ -33,7 +33,7 @@ RESULTS = {  # data set: name of the result, and what its scenes are
     "funnels": ("accuracy_funnels", "funnels"),
     "bowls": ("accuracy_bowls", "bowls"),
     "chairs": ("accuracy_chairs", "chairs"),
-    "complex-scenes": ("accuracy_meshes", "large meshes: coral, lion, furnished room"),
+    "complex-scenes": ("accuracy_meshes", "a large mesh and a furnished room"),
     "mountain": ("accuracy_mountain", "a mountain"),
     "assorted": ("accuracy_assorted", "assorted scenes (400 frames)"),
     "tanks": ("accuracy_tanks", "tanks and dam breaks (400 frames)"),

@@ -46,7 +46,15 @@ def load(tmp_path, name, content):
 
 @pytest.mark.parametrize(
     "content",
-    [TEXT, TEXT.replace("\n", "\r\n"), COLORED, binary("<", "binary_little_endian"), binary(">", "binary_big_endian")],
+    [
+        TEXT,
+        TEXT.replace("\n", "\r\n"),
+        COLORED,
+        TEXT.replace("4 3 2 1 0", "4 3 2 1 0 9 1 1"),
+        TEXT.replace("1 0\n", "1\n0 "),
+        binary("<", "binary_little_endian"),
+        binary(">", "binary_big_endian"),
+    ],
 )
 def test_a_ply_with_triangles_and_quads_is_read(tmp_path, content):
     mesh = load(tmp_path, "wedge.ply", content)

@@ -29,7 +29,8 @@ def read_gltf(content: bytes) -> RawMesh:
     try:
         document, binary = chunks(content)
         refuse_extensions(document)
-        return read_scene(document, Accessors(document, binary))
+        with np.errstate(invalid="ignore", over="ignore"):  # numbers that are not finite are refused later
+            return read_scene(document, Accessors(document, binary))
     except UnreadableMeshError:
         raise
     except (ValueError, KeyError, IndexError, TypeError, AttributeError, RecursionError, struct.error) as error:

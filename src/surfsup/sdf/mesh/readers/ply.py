@@ -106,7 +106,7 @@ def read_elements(content: bytes) -> dict[str, Columns]:
         start = end + 11
     order, elements = read_header(decode(content[:end]))
     if not order:
-        return read_text(decode(content[start:]).split() if start else [], elements)
+        return read_text(text_words(decode(content[start:]) if start else "", elements), elements)
     return read_binary(content, start, order, elements)
 
 
@@ -131,6 +131,27 @@ def read_header(text: str) -> tuple[str, list[Element]]:
     if any(element.count < 0 for element in elements):
         raise ValueError("it announces a negative number of elements")
     return order, elements
+
+
+def text_words(text: str, elements: list[Element]) -> list[str]:
+    """The words of a text file; where every record has a line, without those beyond its properties.
+
+    Some programs write more colors into a face than their header declares.
+    """
+    rows = [row for row in map(str.split, text.split("\n")) if row]
+    if len(rows) != sum(element.count for element in elements):
+        return [word for row in rows for word in row]
+    words, at = [], 0
+    for element in elements:
+        for row in rows[at : at + element.count]:
+            end = 0
+            for one in element.properties:
+                end += 1 + int(row[end]) if one.length_type and end < len(row) else 1
+            if end > len(row):  # a record is not a line after all
+                return text.split()
+            words += row[:end]
+        at += element.count
+    return words
 
 
 def read_text(words: list[str], elements: list[Element]) -> dict[str, Columns]:
