@@ -86,7 +86,7 @@ def write_web_player(
         *(np.asarray(path[: len(positions) * stride : stride], "<f4").tobytes() for path in poses),
         differences.tobytes(),
     ])  # fmt: skip
-    # ISA-L is ten times as fast as zlib, and the page a tenth larger.
+    # ISA-L is ten times as fast as zlib, and the page up to a tenth larger.
     pages = files("surfsup.viewing") / "pages"
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
