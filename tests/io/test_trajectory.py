@@ -71,7 +71,7 @@ def test_the_layout_is_the_one_that_other_programs_read(tmp_path):
             assert (data.compression, data.compression_opts, data.shuffle) == ("gzip", 1, True)
         assert group["particle_type"].shape == (PARTICLES,)
         assert (group["particle_type"][:] == 0).all()
-        assert set(file.attrs) == {"scene", "frame_time", "start_time", "radius", "model", "seed", "version"}
+        assert set(file.attrs) == {"scene", "frame_time", "radius", "model", "seed", "version"}
         assert (file.attrs["frame_time"], file.attrs["radius"]) == (0.005, 0.015)
 
 
