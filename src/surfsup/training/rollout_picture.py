@@ -18,13 +18,14 @@ SIZE = (480, 360)  # pixels of each picture
 
 
 @torch.no_grad()
-def draw_rollout(model: LearnedSimulator, path: Path, frames: int) -> np.ndarray:
+def draw_rollout(model: LearnedSimulator, path: Path, frames: int, handle_collisions: bool = True) -> np.ndarray:
     """Draw three moments of a rollout, and below them the true trajectory, as (height, width, 3) uint8.
 
     Args:
         model: the simulator.
         path: file of the true trajectory; the rollout starts from its first frame.
         frames: length of the rollout; the moments are at a third, two thirds and the end.
+        handle_collisions: whether collision handling keeps particles out of the solid.
 
     Raises:
         InputError: rendering is impossible on this machine, or the file is not a trajectory.
@@ -34,8 +35,8 @@ def draw_rollout(model: LearnedSimulator, path: Path, frames: int) -> np.ndarray
         frames = min(frames, len(truth))
         chosen = sorted({round(number * (frames - 1) / MOMENTS) for number in range(1, MOMENTS + 1)})
         environment = Environment.of(truth.scene, truth.scene.build_surface(), device)
-        predicted = {}
-        for number, (state, _) in enumerate(roll_out(model, truth, environment, frames)):
+        rollout, predicted = roll_out(model, truth, environment, frames, handle_collisions), {}
+        for number, (state, _) in enumerate(rollout):
             if number in chosen:
                 predicted[number] = state.positions.cpu().numpy()
         renderer = TrajectoryRenderer(truth, SIZE)

@@ -76,7 +76,8 @@ class TensorBoard:
         for name, value in vars(scores).items():
             self._writer.add_scalar(f"rollout/{name}", value, run.step)
         if self._pictured is not None:
-            picture = draw_rollout(run.average, self._pictured, run.config.validation_frames)
+            config = run.config
+            picture = draw_rollout(run.average, self._pictured, config.validation_frames, config.validation_collisions)
             self._writer.add_image("rollout (below: the reference)", picture, run.step, dataformats="HWC")
         self._writer.flush()
         self._since = time.monotonic()
