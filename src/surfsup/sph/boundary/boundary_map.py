@@ -18,7 +18,7 @@ from surfsup import native
 from surfsup.errors import InputError
 from surfsup.scene import Container
 from surfsup.sdf import Surface
-from surfsup.sdf.true_distance import TrueDistance, is_bound
+from surfsup.sdf.true_distance import with_true_distances
 from surfsup.sph.boundary.density import MIN_DEPTH, VOLUME_FACTOR
 from surfsup.sph.boundary.scene_boundaries import map_in_container, whole_map
 from surfsup.sph.boundary.shape_functions import CELL_NODES, shape_functions
@@ -56,8 +56,7 @@ class MapTables:
         If parts are cut off, the distance to triangles replaces the bound: with it, a hole drains 40 % too slowly.
         """
         try:
-            solid = TrueDistance(surface) if is_bound(surface) else surface
-            volume_map = map_in_container(solid, container, -MIN_DEPTH)
+            volume_map = map_in_container(with_true_distances(surface), container, -MIN_DEPTH)
         except InputError:
             lower, cell, resolution = np.zeros(3, np.float32), np.ones(3, np.float32), np.ones(3, np.int32)
             return cls(lower, cell, resolution, np.full(1, -1, np.int32), far_nodes())
@@ -118,7 +117,7 @@ class BoundaryMap:
         Raises:
             InputError: by that query: the surface is too large, or has no point at all.
         """
-        return cls(cache(lambda: MapTables.of_map(whole_map(surface, name, -MIN_DEPTH))))
+        return cls(cache(lambda: MapTables.of_map(whole_map(with_true_distances(surface), name, -MIN_DEPTH))))
 
     @property
     def tables(self) -> MapTables:
