@@ -1,3 +1,4 @@
+import h5py
 import numpy as np
 import pytest
 import torch
@@ -118,18 +119,20 @@ def test_no_particle_is_near_in_an_empty_container(tmp_path):
     assert not found.surface.any()
 
 
+MOVING = Scene.from_yaml(
+    "container: {size: [1, 1, 2], motion: {between: linear, keyframes: ["
+    "{time: 0}, {time: 0.05, position: [0.1, 0, 0]}]}}\n"
+    "surfaces: {ball: {sphere: {radius: 0.1}, motion: {between: linear, keyframes: ["
+    "{time: 0, position: [-0.3, 0, 1]}, {time: 0.05, position: [0.3, 0, 1]}]}}}\n"
+    "frames: 11\nfluid: [{block: {min: [-0.03, -0.03, 0.97], max: [0.03, 0.03, 1.03]}}]",
+    "test",
+)
+
+
 def test_particles_inside_a_solid_that_moves_and_outside_a_container_that_moves_are_counted(tmp_path):
-    scene = Scene.from_yaml(
-        "container: {size: [1, 1, 2], motion: {between: linear, keyframes: ["
-        "{time: 0}, {time: 0.05, position: [0.1, 0, 0]}]}}\n"
-        "surfaces: {ball: {sphere: {radius: 0.1}, motion: {between: linear, keyframes: ["
-        "{time: 0, position: [-0.3, 0, 1]}, {time: 0.05, position: [0.3, 0, 1]}]}}}\n"
-        "frames: 11\nfluid: [{block: {min: [-0.03, -0.03, 0.97], max: [0.03, 0.03, 1.03]}}]",
-        "test",
-    )
     positions = np.array([[0, 0, 1], [-0.445, 0, 1]], np.float32)
-    solids = build_solids(scene)
-    with TrajectoryWriter(tmp_path / "t.h5", scene, Provenance("test"), 2) as writer:
+    solids = build_solids(MOVING)
+    with TrajectoryWriter(tmp_path / "t.h5", MOVING, Provenance("test"), 2) as writer:
         for number in range(11):
             writer.append(positions, np.zeros_like(positions), solids.poses(number * 0.005))
     with Trajectory(tmp_path / "t.h5") as trajectory:
@@ -137,3 +140,13 @@ def test_particles_inside_a_solid_that_moves_and_outside_a_container_that_moves_
     # The ball covers the first particle in frames 4 to 6; the wall passes the second in frame 6.
     np.testing.assert_array_equal(comparison.prediction.inside, [0, 0, 0, 0, 1, 1, 1, 0, 0, 0, 0])
     np.testing.assert_array_equal(comparison.prediction.lost, [0] * 6 + [1] * 5)
+
+
+def test_without_poses_in_the_file_solids_are_where_its_own_times_have_them(tmp_path):
+    positions = np.zeros((11, 2, 3), np.float32) + np.array([[0, 0, 1], [0.35, 0, 1]], np.float32)
+    with h5py.File(write(tmp_path / "t.h5", positions, np.zeros_like(positions), MOVING), "a") as file:
+        file.attrs["start_time"] = 0.025
+    with Trajectory(tmp_path / "t.h5") as trajectory:
+        (comparison,) = compare(trajectory, [trajectory])
+    # Frame 0 is at 0.025 s, when the ball is in the middle; from 0.05 s on it rests on the second particle.
+    np.testing.assert_array_equal(comparison.prediction.inside, [1, 1, 0, 0, 0, 1, 1, 1, 1, 1, 1])

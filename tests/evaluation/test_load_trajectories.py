@@ -160,6 +160,16 @@ def test_the_difference_of_two_scenes_is_named(changes, found):
     assert scene_difference(SCENE, changed(**changes)) == found
 
 
+def test_a_container_that_moves_as_in_a_file_is_the_same_in_every_folder(tmp_path):
+    text = (
+        "container: {size: [1, 1, 2], motion: {file: shake.csv}}\n"
+        "fluid: [{block: {min: [-0.1, -0.1, 1], max: [0.1, 0.1, 1.2]}}]"
+    )
+    scene = Scene.from_yaml(text, "test", tmp_path)
+    assert scene_difference(scene.with_paths_relative_to(tmp_path / "floor", tmp_path), scene) is None
+    assert scene_difference(Scene.from_yaml(text, "test", tmp_path / "floor"), scene) == "containers"
+
+
 def of_other_particles(path):
     with h5py.File(path, "r+") as file:
         file.attrs["radius"] = 0.025

@@ -5,8 +5,9 @@ from surfsup.evaluation.evaluate import evaluate_trajectory
 from surfsup.evaluation.rollout import write_rollout
 from surfsup.evaluation.scores import ALL
 from surfsup.io.trajectory import Trajectory
+from surfsup.scene import Scene
 from surfsup.sph.solver import DfsphSolver
-from tests.evaluation.scenes import FRAMES, Replay, free_fall
+from tests.evaluation.scenes import FRAMES, Replay, free_fall, write
 
 
 def test_a_rollout_file_has_the_reference_s_start_scene_and_length(reference, tmp_path):
@@ -36,3 +37,19 @@ def test_a_diverged_rollout_is_as_long_as_the_reference_and_its_particles_are_lo
     evaluation = evaluate_trajectory(tmp_path / "out.h5", tmp_path / "00000.h5")
     assert evaluation.scores[ALL]["chamfer"] is None
     assert evaluation.scores[ALL]["lost"] == (FRAMES - 8) * reference.positions.shape[1]
+
+
+def test_a_diverged_rollout_has_the_poses_of_all_frames(tmp_path):
+    scene = Scene.from_yaml(
+        "surfaces: {ball: {sphere: {radius: 0.1}, motion: {between: linear, keyframes: ["
+        "{time: 0}, {time: 0.1, position: [0.1, 0, 0]}]}}}\n"
+        f"fluid: [{{block: {{min: [-0.1, -0.1, 1], max: [0.1, 0.1, 1.2]}}}}]\nframes: {FRAMES}",
+        "test",
+    )
+    frames = free_fall(scene=scene)
+    write(tmp_path / "reference.h5", *frames, scene)
+    frames[0][8, 3] = np.nan
+    with Trajectory(tmp_path / "reference.h5") as reference:
+        write_rollout(tmp_path / "out.h5", Replay(*frames), "replay", reference, FRAMES)
+    with Trajectory(tmp_path / "out.h5") as rollout:
+        np.testing.assert_allclose(rollout.poses["ball"][:, 0], 0.005 * np.arange(FRAMES), atol=1e-9)

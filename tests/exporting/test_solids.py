@@ -1,14 +1,18 @@
 """Solids that move."""
 
+import shutil
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
 import pyvista
 
 from surfsup.exporting.export import export
+from surfsup.io.trajectory import POSES, Provenance, TrajectoryWriter
 from surfsup.scene import Scene
 from surfsup.simulation import Simulation
+from surfsup.viewing.trajectory_pictures import write_trajectory_page
 
 SPIN = """
 surfaces:
@@ -51,3 +55,31 @@ def test_usd_has_a_moving_solid_as_time_samples(spin, tmp_path):
     solid = UsdGeom.Mesh(stage.GetPrimAtPath("/Water/Solid"))
     assert solid.GetPointsAttr().GetTimeSamples() == [1, 2, 3, 4, 5]
     assert len(solid.GetVelocitiesAttr().Get(3)) == len(solid.GetPointsAttr().Get(3))
+
+
+def test_walls_that_moved_away_do_not_stop_particles_between_two_frames(tmp_path):
+    scene = Scene.from_yaml(
+        "container: {size: [0.4, 0.4, 0.6], motion: {keyframes: [{time: 0, position: [0.1, 0, 0]}]}}\n"
+        "fluid: [{block: {min: [-0.1, -0.1, 0.1], max: [0.1, 0.1, 0.2]}}]\nframes: 2",
+        "test",
+    )
+    place, velocity = np.float32([[0.18, 0, 0.3]]), np.float32([[20, 0, 0]])
+    with TrajectoryWriter(tmp_path / "t.h5", scene, Provenance("test"), 1) as writer:
+        for sign in (1, -1):  # there and back, by v t / 4 in between
+            writer.append(place, sign * velocity)
+    export(tmp_path / "t.h5", "npz", tmp_path / "out", fps=400)
+    places = [np.load(file)["positions"][0, 0] for file in sorted((tmp_path / "out").glob("*.npz"))]
+    np.testing.assert_allclose(places, [0.18, 0.205, 0.18], atol=1e-6)
+
+
+def test_without_poses_in_the_file_solids_move_as_the_scene_says(spin, tmp_path):
+    shutil.copy(spin, tmp_path / "t.h5")
+    with h5py.File(tmp_path / "t.h5", "a") as file:
+        del file[POSES]
+    for name, file in (("with", spin), ("without", tmp_path / "t.h5")):
+        export(file, "vtk", tmp_path / name, fps=16, what="solid")
+        export(file, "npz", tmp_path / name, fps=16, what="particles")
+    last = [pyvista.read(tmp_path / name / "solid.0005.vtk").points for name in ("with", "without")]
+    np.testing.assert_allclose(*last, atol=1e-6)
+    write_trajectory_page(tmp_path / "t.h5", tmp_path / "t.html", lambda done, total: None)
+    assert (tmp_path / "t.html").is_file()

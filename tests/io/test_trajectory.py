@@ -329,3 +329,15 @@ def test_poses_are_kept_by_name_and_a_file_without_any_has_none(tmp_path):
         writer.append(zero, zero)
     with Trajectory(path) as trajectory:
         assert trajectory.poses == {}
+
+
+def test_frames_without_poses_keep_the_last_ones(tmp_path):
+    path = tmp_path / "t.h5"
+    zero = np.zeros((2, 3), np.float32)
+    with TrajectoryWriter(path, SCENE, Provenance("a test"), 2) as writer:
+        for frame in range(30):
+            writer.append(zero, zero, {"cup": Pose.of((frame, 0, 0))} if frame < 11 else None)
+            if frame == 20:
+                writer.flush()
+    with Trajectory(path) as trajectory:
+        np.testing.assert_array_equal(trajectory.poses["cup"][:, 0], np.minimum(np.arange(30), 10))

@@ -9,7 +9,7 @@ from surfsup import native
 from surfsup.sph.energy import MAX_ENERGY_GAIN, energy_gain, limit_energy_gain
 from surfsup.sph.environment import Environment
 from surfsup.sph.solver import DfsphSolver
-from surfsup.sph.state import ParticleState
+from surfsup.sph.state import FramePart, ParticleState
 from surfsup.sph.warp_engine import energy as in_warp
 
 GRAVITY = torch.tensor([0.0, 0.0, -9.81])
@@ -52,6 +52,15 @@ def limit(request, monkeypatch):
     elif not native.instruction_sets():
         pytest.skip("the package was built without a compiler")
     return lambda state, positions, velocities: limit_energy_gain(state, positions, velocities, NOTHING)
+
+
+def test_warp_refuses_the_work_of_moving_solids_and_parts_of_a_frame(monkeypatch):
+    monkeypatch.setattr("surfsup.sph.energy.can_run_native", lambda *_: False)
+    state = water()
+    step = state.ballistic(GRAVITY)
+    for other in ({"supplied": 0.1}, {"part": FramePart(0.002, 2)}):
+        with pytest.raises(AssertionError, match="moving solids"):
+            limit_energy_gain(state, *step, NOTHING, **other)
 
 
 def test_a_step_that_gains_nothing_does_not_change(limit):

@@ -59,3 +59,15 @@ def test_the_page_contains_the_solids_that_move_and_their_poses(tmp_path, ball):
     assert header["moving"] == [{"vertices": len(ball.vertices), "faces": len(ball.faces)}] and header["containerMoves"]
     paths = np.frombuffer(body, "<f4", 2 * 7 * 7, len(body) - 7 * 50 * 3 * 2 - 2 * 7 * 7 * 4).reshape(2, 7, 7)
     np.testing.assert_allclose(paths, [poses, poses], atol=1e-6)
+
+
+def test_solids_that_move_are_scaled_as_the_water(tmp_path, ball):
+    poses = np.tile([0.1, 0, 0.2, 0, 1, 0, 0], (7, 1))
+    body = MovingMesh(ball, poses)
+    write_web_player(tmp_path / "p.html", POSITIONS, None, (0.2, 0.2, 0.4), 0.003, moving=[body], container_poses=poses)
+    header, data = contents((tmp_path / "p.html").read_text())
+    assert header["scale"] == 5
+    paths = np.frombuffer(data, "<f4", 2 * 7 * 7, len(data) - 7 * 50 * 3 * 2 - 2 * 7 * 7 * 4).reshape(2, 7, 7)
+    np.testing.assert_allclose(paths, np.tile([0.5, 0, 1, 0, 1, 0, 0], (2, 7, 1)), atol=1e-6)
+    vertices = np.frombuffer(data, "<f4", 3 * len(ball.vertices), 12 * len(ball.faces)).reshape(-1, 3)
+    np.testing.assert_allclose(np.ptp(vertices, axis=0), 5 * np.ptp(ball.vertices, axis=0), rtol=1e-5)

@@ -182,17 +182,16 @@ def scene_difference(one: Scene, other: Scene) -> str | None:
     The blocks of fluid may be up to one particle spacing apart, as those of the floor's repeats are.
     """
     root = Path("/")
-    if one.container != other.container:
-        return "containers"
     here, there = one.with_paths_relative_to(root), other.with_paths_relative_to(root)
+    if here.container != there.container:
+        return "containers"
     if (here.surface, here.surfaces) != (there.surface, there.surfaces):
         return "surfaces"
     if one.gravity != other.gravity:
         return "gravities"
-    ours, theirs = (scene.with_paths_relative_to(root).fluid for scene in (one, other))
-    if len(ours) != len(theirs):
+    if len(here.fluid) != len(there.fluid):
         return "blocks of fluid"
-    for mine, other_entry in zip(ours, theirs, strict=True):
+    for mine, other_entry in zip(here.fluid, there.fluid, strict=True):
         if mine.block is None or other_entry.block is None:
             if mine != other_entry:
                 return "blocks of fluid"

@@ -12,6 +12,7 @@ import torch
 from surfsup.errors import SimulationError
 from surfsup.io.trajectory import Provenance, Trajectory, TrajectoryWriter
 from surfsup.scene import FRAME_TIME
+from surfsup.scene.pose import Pose
 from surfsup.sph.environment import Environment
 from surfsup.sph.simulator import Simulator, StateType
 
@@ -91,11 +92,15 @@ def write_rollout(
     collided_shares = []
     with TrajectoryWriter(path, scene, Provenance(name), len(lost)) as writer:
         for number, (state, collided) in enumerate(rollout):
-            poses = {} if environment.moving is None else environment.moving.solids.poses(number * FRAME_TIME)
-            writer.append(state.positions.cpu().numpy(), state.velocities.cpu().numpy(), poses)
+            writer.append(state.positions.cpu().numpy(), state.velocities.cpu().numpy(), poses_of(environment, number))
             collided_shares.append(float(collided.float().mean()))
             progress(len(collided_shares))
         for number in range(len(collided_shares), frames):
-            writer.append(lost, lost)
+            writer.append(lost, lost, poses_of(environment, number))
             progress(number + 1)
     return float(np.mean(collided_shares))
+
+
+def poses_of(environment: Environment, frame: int) -> dict[str, Pose]:
+    """The pose by name of all that moves in a frame."""
+    return {} if environment.moving is None else environment.moving.solids.poses(frame * FRAME_TIME)

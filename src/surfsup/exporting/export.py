@@ -20,9 +20,9 @@ from surfsup.exporting.source import FrameSource
 from surfsup.exporting.up_axis import UpAxis, with_up_axis
 from surfsup.io.cut_off import open_readable
 from surfsup.io.output_folder import writable_folder
+from surfsup.io.scene_poses import scene_poses
 from surfsup.io.trajectory import Trajectory
-from surfsup.scene.pose import Pose
-from surfsup.scene.solids import Solids, build_solids
+from surfsup.scene.solids import CONTAINER, Solids, build_solids
 from surfsup.scene.units import Units
 from surfsup.sph.environment import Environment
 from surfsup.viewing.reconstruction import Reconstruction
@@ -142,7 +142,10 @@ def write(
 
 
 def interpolation(trajectory: Trajectory) -> Interpolation:
-    """The interpolation between frames, which knows the solid if its files are still there."""
+    """The interpolation between frames, which knows the solid if its files are still there.
+
+    It knows no walls that move: particles between two frames may be outside them by what a spline overshoots.
+    """
     units, frame_time = Units(trajectory.radius), trajectory.frame_time
     try:
         solids = build_solids(trajectory.scene, list(trajectory.poses))
@@ -150,19 +153,17 @@ def interpolation(trajectory: Trajectory) -> Interpolation:
         solids = Solids(None)
         warnings.warn(f"particles between two frames may enter the solid, which is missing: {error}", stacklevel=4)
     container = units.scene_to_solver(trajectory.scene).container
+    if container.motion is not None or CONTAINER in trajectory.poses:
+        container = container.model_copy(update={"open": True})
     corners = torch.tensor(container.lower), torch.tensor(container.upper)
     still = Environment(units.surface_to_solver(solids.still), *corners, torch.zeros(3))
+    rows = scene_poses(trajectory) if solids.moving else {}
 
     def environment_at(time: float) -> Environment:
         if not solids.moving:
             return still
-        surface = units.surface_to_solver(solids.at(poses_at(trajectory, time)))
-        return replace(still, surface=surface)
+        place = (time - trajectory.start_time) / trajectory.frame_time
+        poses = {solid.name: pose_at(rows[solid.name], place) for solid in solids.moving}
+        return replace(still, surface=units.surface_to_solver(solids.at(poses)))
 
     return Interpolation(environment_at, units, frame_time)
-
-
-def poses_at(trajectory: Trajectory, time: float) -> dict[str, Pose]:
-    """The poses at a time in seconds of all that moves, between those of the frames before and after."""
-    place = (time - trajectory.start_time) / trajectory.frame_time
-    return {name: pose_at(rows, place) for name, rows in trajectory.poses.items()}

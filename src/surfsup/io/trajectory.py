@@ -275,10 +275,12 @@ class TrajectoryWriter:
             self._written, self._buffered = self.frames, 0
 
     def _write_poses(self) -> None:
-        """Write the poses of the buffered frames. A solid that moves from a later frame on stood there before."""
-        for name in {name: None for poses in self._poses for name in poses}:
-            rows = np.array([(poses.get(name) or next_pose(self._poses, name)).array for poses in self._poses])
+        """Write the poses of the buffered frames of everything that has moved so far."""
+        names = {**dict.fromkeys(self._file.get(POSES, ())), **{name: None for poses in self._poses for name in poses}}
+        for name in names:
             path = f"{POSES}/{name}"
+            known = path in self._file and self._written > 0
+            rows = filled_poses(self._poses, name, self._file[path][self._written - 1] if known else None)
             if path not in self._file:
                 self._file.create_dataset(path, data=np.repeat(rows[:1], self._written, axis=0), maxshape=(None, 7))
             data = self._file[path]
@@ -306,9 +308,15 @@ class TrajectoryWriter:
             self._file.close()
 
 
-def next_pose(poses: Sequence[Mapping[str, Pose]], name: str) -> Pose:
-    """The first pose of a solid in frames of which some do not know it."""
-    return next(frame[name] for frame in poses if name in frame)
+def filled_poses(frames: Sequence[Mapping[str, Pose]], name: str, last: np.ndarray | None) -> np.ndarray:
+    """The poses (frames, 7) of a solid: in frames that do not know it, the ``last`` (7,) before, or else the next."""
+    if last is None:
+        last = next(poses[name].array for poses in frames if name in poses)
+    rows = []
+    for poses in frames:
+        last = poses[name].array if name in poses else last
+        rows.append(last)
+    return np.array(rows)
 
 
 def write_chunks(data: h5py.Dataset, first: int, frames: np.ndarray, shuffled: np.ndarray) -> None:

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import torch
 from torch import Tensor
 
-from surfsup.sdf.combine import Difference, Intersection
+from surfsup.errors import InputError
+from surfsup.sdf.combine import Difference, Intersection, Union
 from surfsup.sdf.marching_cubes import polygonize
 from surfsup.sdf.mesh.query import MeshQuery
 from surfsup.sdf.surface import Surface
+from surfsup.sdf.transform import Transformed
 
 RESOLUTION = 160  # cells of marching cubes along the longest side
 
@@ -17,6 +21,36 @@ RESOLUTION = 160  # cells of marching cubes along the longest side
 def is_bound(surface: Surface) -> bool:
     """Whether the value outside is only a bound, because parts are intersected or cut off."""
     return any(isinstance(part, Intersection | Difference) for part in surface.modules())
+
+
+def with_true_distances(surface: Surface, needs: Callable[[Surface], bool] = is_bound) -> Surface:
+    """``surface`` with the true distance of each solid of a union that ``needs`` it.
+
+    Each has a grid of its own, so that a thin cup keeps its walls beside a ground of several meters.
+
+    Raises:
+        InputError: The solid is not a union, and is empty.
+    """
+    if not needs(surface):
+        return surface
+    inner, frames = surface, []
+    while isinstance(inner, Transformed):
+        frames.append(inner)
+        inner = inner.surface
+    if not isinstance(inner, Union):
+        return TrueDistance(surface)
+    whole: Surface = Union(*(true_part(part, needs) for part in inner.parts))
+    for frame in reversed(frames):
+        whole = Transformed(whole, frame.rotation, frame.translation, frame.scale)
+    return whole
+
+
+def true_part(part: Surface, needs: Callable[[Surface], bool]) -> Surface:
+    """A part of a union with its true distance; unchanged where the grid finds no point of it."""
+    try:
+        return with_true_distances(part, needs)
+    except InputError:
+        return part
 
 
 class TrueDistance(Surface):

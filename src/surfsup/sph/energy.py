@@ -56,6 +56,7 @@ def limit_energy_gain(
     if not can_run_native(state.positions, state.velocities, positions, velocities, gravity):
         from surfsup.sph.warp_engine import energy
 
+        assert part == WHOLE_FRAME and supplied == 0, "moving solids run in the C++ code only"
         return energy.limit_energy_gain(state, positions, velocities, environment.on_host.gravity)
     free_positions, free_velocities = state.ballistic(gravity, part)
     after = [value.detach().clone(memory_format=torch.contiguous_format) for value in (positions, velocities)]

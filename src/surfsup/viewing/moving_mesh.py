@@ -35,6 +35,15 @@ class MovingMesh:
         places = np.concatenate([Pose.from_array(row).apply(corners) for row in self.poses])
         return np.stack([places.min(axis=0), places.max(axis=0)])
 
+    def scaled(self, factor: float) -> MovingMesh:
+        """The same with all lengths times ``factor``."""
+        return MovingMesh(self.mesh.copy().apply_scale(factor), scaled_poses(self.poses, factor))
+
+
+def scaled_poses(poses: np.ndarray, factor: float) -> np.ndarray:
+    """Poses (frames, 7) whose positions are times ``factor``; rotations stay."""
+    return np.concatenate([factor * poses[:, :3], poses[:, 3:]], axis=1)
+
 
 def at_frame(still: trimesh.Trimesh | None, moving: Sequence[MovingMesh], frame: int) -> trimesh.Trimesh | None:
     """All solids at a frame as one mesh; None without any."""

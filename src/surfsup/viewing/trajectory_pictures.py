@@ -11,6 +11,7 @@ from PIL import Image
 
 from surfsup.errors import InputError
 from surfsup.io.atomic_file import atomic_file
+from surfsup.io.scene_poses import scene_poses
 from surfsup.io.trajectory import Trajectory
 from surfsup.scene import Scene
 from surfsup.scene.solids import CONTAINER, build_solids
@@ -48,7 +49,8 @@ class TrajectoryRenderer:
     def __init__(self, trajectory: Trajectory, size: tuple[int, int] = SINGLE_SIZE) -> None:
         self._trajectory, self._size = trajectory, trajectory.scene.container.size
         self._still, self._moving = trajectory_meshes(trajectory)
-        first = None if trajectory.poses else self._still  # what moves is drawn anew for each frame
+        self._poses = scene_poses(trajectory)
+        first = None if self._poses else self._still  # what moves is drawn anew for each frame
         bounds = bounds_of(self._still, self._moving)
         self._renderer = FrameRenderer(first, self._size, trajectory.radius, trajectory.positions[0], size, bounds)
         if trajectory.scene.container.open:
@@ -59,10 +61,9 @@ class TrajectoryRenderer:
 
         The ``light`` is that of a scene in which something moves; what stands still has shadows at their finest.
         """
-        poses = self._trajectory.poses
-        if poses:
+        if self._poses:
             solid = at_frame(self._still, self._moving, frame)
-            self._renderer.set_solid(solid, container_corners(self._size, poses, frame), light)
+            self._renderer.set_solid(solid, container_corners(self._size, self._poses, frame), light)
         return self._renderer.render(self._trajectory.positions[frame] if positions is None else positions)
 
     def close(self) -> None:
@@ -74,9 +75,8 @@ def trajectory_meshes(trajectory: Trajectory) -> tuple[trimesh.Trimesh | None, l
     """The triangles of what stands still in a trajectory, None without any, and the meshes that move."""
     solids = build_solids(trajectory.scene, list(trajectory.poses))
     still = None if solids.still is None else solids.still.to_mesh(SOLID_RESOLUTION)
-    moving = [
-        MovingMesh(solid.surface.to_mesh(MOVING_RESOLUTION), trajectory.poses[solid.name]) for solid in solids.moving
-    ]
+    poses = scene_poses(trajectory)
+    moving = [MovingMesh(solid.surface.to_mesh(MOVING_RESOLUTION), poses[solid.name]) for solid in solids.moving]
     return still, moving
 
 
@@ -93,7 +93,7 @@ def write_trajectory_page(file: Path, page: Path, progress: Progress) -> Path:
             trajectory.frame_time,
             progress,
             moving,
-            trajectory.poses.get(CONTAINER),
+            scene_poses(trajectory).get(CONTAINER),
             trajectory.scene.container.open,
         )
     return page

@@ -16,7 +16,7 @@ from isal import igzip
 
 from surfsup.viewing.camera import FIELD_OF_VIEW, fit_camera, picture_scale
 from surfsup.viewing.html_page import write_html
-from surfsup.viewing.moving_mesh import MovingMesh, bounds_of
+from surfsup.viewing.moving_mesh import MovingMesh, bounds_of, scaled_poses
 
 _MAX_BYTES = 10_000_000  # of positions before compression, which halves them
 _MAX_PARTICLES = 40_000
@@ -64,6 +64,8 @@ def write_web_player(
     if scale != 1:
         positions = scale * positions
         solid = solid.copy().apply_scale(scale) if solid is not None else None
+        moving = [body.scaled(scale) for body in moving]
+        container_poses = None if container_poses is None else scaled_poses(container_poses, scale)
         container_size = (scale * container_size[0], scale * container_size[1], scale * container_size[2])
     differences, low, extent = _quantize(positions, progress)
     mesh = _simplify(solid) if solid is not None else trimesh.Trimesh()

@@ -3,7 +3,7 @@ import pytest
 import torch
 
 from surfsup.scene import Container, Scene
-from surfsup.sdf import Box, Difference, Sphere, Surface, Transformed
+from surfsup.sdf import Box, Cylinder, Difference, Sphere, Surface, Transformed
 from surfsup.sph.boundary.boundary_map import BoundaryMap, MapTables
 from surfsup.sph.boundary.density import plane_fraction
 from surfsup.sph.boundary.shape_functions import CELL_NODES
@@ -96,3 +96,13 @@ def test_beside_the_rim_of_a_hole_the_map_has_the_true_distance():
     distance, _, normal = boundary.query(torch.tensor([[0.055, 0.0, 0.545]]))
     assert distance.item() == pytest.approx(0.025, abs=1.5e-3)
     torch.testing.assert_close(normal[0], torch.tensor([-0.8, 0.0, 0.6]), atol=0.05, rtol=0)
+
+
+def test_the_mouth_of_a_cup_that_moves_has_no_lid():
+    # The cut ends 1 mm above the mouth: in its middle the bound is 1 mm, the distance to the rim 8 cm.
+    cup = Difference(Cylinder(0.1, 0.2), Transformed(Cylinder(0.08, 0.181), translation=(0.0, 0.0, 0.0105)))
+    mouth = torch.tensor([[0.0, 0.0, 0.1]])
+    assert cup.distance(mouth).item() == pytest.approx(1e-3, abs=1e-6)
+    distance, fraction, _ = BoundaryMap.of_whole(cup, "cup").query(mouth)
+    assert distance > KERNEL_SUPPORT
+    assert fraction < 0.1  # the bound makes 0.75 of it

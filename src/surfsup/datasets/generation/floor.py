@@ -18,6 +18,7 @@ from surfsup.datasets.generation.checked_simulation import CheckedSimulation, wi
 from surfsup.datasets.generation.physical_check import UnphysicalError
 from surfsup.datasets.generation.progress_estimate import ProgressEstimate
 from surfsup.datasets.generation.worker_pool import open_worker_pool, until_canceled
+from surfsup.datasets.units import check_units
 from surfsup.errors import InputError
 from surfsup.io.trajectory import Provenance, Trajectory, TrajectoryWriter
 from surfsup.scene import Block, Fluid, InitialParticles, Scene
@@ -55,7 +56,8 @@ def simulate_floor(
         The floor's trajectories.
 
     Raises:
-        InputError: the folder has no readable trajectory, its floor belongs to other scenes or is locked by another
+        InputError: the folder has no readable trajectory, a scene continues another trajectory or has another frame
+            time or particle radius than data sets have, its floor belongs to other scenes or is locked by another
             run, or the workers cannot do the work.
         SimulationError: the scheduler was lost; finished runs are there.
     """
@@ -89,19 +91,32 @@ def readable_trajectories(data: Path) -> list[Path]:
     """The readable trajectories in ``data``, with a warning for each unreadable one.
 
     Raises:
-        InputError: there is none.
+        InputError: there is none, or the floor cannot run the scene of one again.
     """
     readable = []
     for path in sorted(data.glob("*.h5")):
         try:
-            Trajectory(path).close()
+            trajectory = Trajectory(path)
         except InputError as error:
             warnings.warn(FloorWarning(f"{error}; it is left out"), stacklevel=2)
-        else:
-            readable.append(path)
+            continue
+        with trajectory:
+            check_repeatable(path, trajectory)
+        readable.append(path)
     if not readable:
         raise InputError(f"{data}: has no trajectories (*.h5); make some with 'surfsup generate'")
     return readable
+
+
+def check_repeatable(path: Path, trajectory: Trajectory) -> None:
+    """Check that the floor can run a scene again.
+
+    Raises:
+        InputError: it continues another trajectory, or has another frame time or particle radius.
+    """
+    if trajectory.scene.restart is not None:
+        raise InputError(f"{path}: continues another trajectory (restart), so the floor cannot run it; move it away")
+    check_units(path, trajectory)
 
 
 def is_finished(folder: Path, original: Path, axis: int) -> bool:

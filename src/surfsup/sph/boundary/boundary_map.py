@@ -19,7 +19,7 @@ from surfsup.cache import cached, digest
 from surfsup.errors import InputError
 from surfsup.scene import Container
 from surfsup.sdf import Surface
-from surfsup.sdf.true_distance import TrueDistance, is_bound
+from surfsup.sdf.true_distance import with_true_distances
 from surfsup.sph.boundary.density import MIN_DEPTH, VOLUME_FACTOR
 from surfsup.sph.boundary.scene_boundaries import map_in_container, whole_map
 from surfsup.sph.boundary.shape_functions import CELL_NODES, shape_functions
@@ -59,8 +59,7 @@ class MapTables:
 
         def compute() -> MapTables:
             try:
-                solid = TrueDistance(surface) if is_bound(surface) else surface
-                volume_map = map_in_container(solid, container, -MIN_DEPTH)
+                volume_map = map_in_container(with_true_distances(surface), container, -MIN_DEPTH)
             except InputError:
                 lower, cell, resolution = np.zeros(3, np.float32), np.ones(3, np.float32), np.ones(3, np.int32)
                 return cls(lower, cell, resolution, np.full(1, -1, np.int32), far_nodes())
@@ -75,7 +74,9 @@ class MapTables:
         Raises:
             InputError: the surface is too large, or has no point at all.
         """
-        return cls.known(surface, "whole", lambda: cls.of_map(whole_map(surface, name, -MIN_DEPTH)))
+        return cls.known(
+            surface, "whole", lambda: cls.of_map(whole_map(with_true_distances(surface), name, -MIN_DEPTH))
+        )
 
     @classmethod
     def known(cls, surface: Surface, extent: np.ndarray | str, compute: Callable[[], MapTables]) -> MapTables:

@@ -10,7 +10,7 @@ from torch import Tensor
 from surfsup.errors import InputError
 from surfsup.scene import WALL_CELL, Container, Scene
 from surfsup.sdf import Box, Surface, Transformed
-from surfsup.sdf.true_distance import TrueDistance
+from surfsup.sdf.true_distance import with_true_distances
 from surfsup.sph.boundary.volume_map import VolumeMap, build_volume_map
 from surfsup.sph.kernels import KERNEL_SUPPORT
 
@@ -66,8 +66,8 @@ def surface_map(surface: Surface, container: Container) -> VolumeMap:
 
 
 def exact_outside(surface: Surface) -> Surface:
-    """The surface, or its true distance if its value outside is only a bound."""
-    return surface if surface.exact_outside else TrueDistance(surface)
+    """The surface, with true distances for the parts whose value outside is only a bound."""
+    return with_true_distances(surface, lambda part: not part.exact_outside)
 
 
 def map_in_container(surface: Surface, container: Container, depth: float = KERNEL_SUPPORT) -> VolumeMap:
