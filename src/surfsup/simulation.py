@@ -251,7 +251,7 @@ class Simulation:
         """Run for a while and write every frame to a trajectory file.
 
         Args:
-            path: an HDF5 file; an existing file is replaced.
+            path: an HDF5 file; an existing file is replaced, but not the one that the scene continues.
             seconds: as in :meth:`run`.
 
         Raises:
@@ -260,7 +260,7 @@ class Simulation:
         """
         frames = self.run(seconds)
         count = len(self._state.fluid.positions)
-        with TrajectoryWriter(Path(path), self.scene, Provenance(self.name), count) as writer:
+        with TrajectoryWriter(Path(path), self.scene, Provenance(self.name), count, start_time=self.time) as writer:
             for frame in frames:
                 writer.append(frame.positions, frame.velocities, frame.poses)
 

@@ -71,7 +71,7 @@ def test_the_layout_is_the_one_that_other_programs_read(tmp_path):
             assert (data.compression, data.compression_opts, data.shuffle) == ("gzip", 1, True)
         assert group["particle_type"].shape == (PARTICLES,)
         assert (group["particle_type"][:] == 0).all()
-        assert set(file.attrs) == {"scene", "frame_time", "start_time", "radius", "model", "seed", "version"}
+        assert set(file.attrs) == {"scene", "frame_time", "radius", "model", "seed", "version"}
         assert (file.attrs["frame_time"], file.attrs["radius"]) == (0.005, 0.015)
 
 
@@ -329,3 +329,12 @@ def test_poses_are_kept_by_name_and_a_file_without_any_has_none(tmp_path):
         writer.append(zero, zero)
     with Trajectory(path) as trajectory:
         assert trajectory.poses == {}
+
+
+def test_the_trajectory_that_a_scene_continues_is_not_replaced(tmp_path):
+    write(tmp_path / "a.h5", 3)
+    before = (tmp_path / "a.h5").read_bytes()
+    for restart in (tmp_path / "a.h5", tmp_path / "other" / ".." / "a.h5"):
+        with pytest.raises(InputError, match="is the trajectory that the scene continues; write to another file"):
+            TrajectoryWriter(tmp_path / "a.h5", SCENE.with_changes(restart=restart), Provenance("a model"), PARTICLES)
+    assert (tmp_path / "a.h5").read_bytes() == before

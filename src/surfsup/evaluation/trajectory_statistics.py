@@ -100,7 +100,7 @@ class StatisticsRecorder:
     def _poses(self, solids: Solids, number: int) -> dict[str, Pose]:
         """Where everything that moves is in a frame."""
         written = self.trajectory.poses
-        time = self.trajectory.scene.start_time + number * self.trajectory.frame_time
+        time = self.trajectory.start_time + number * self.trajectory.frame_time
         described = {} if written else solids.poses(time)
         return {**described, **{name: Pose.from_array(rows[number]) for name, rows in written.items()}}
 
