@@ -155,7 +155,7 @@ def test_a_spin_is_at_most_two_fifths_of_a_turn_in_a_frame(radius, fastest, plac
     with pytest.raises(InputError, match=rf"{place}: turns too fast for frames of .* at most {fastest} turns a second"):
         Scene.from_yaml(f"{water}particle_radius: {radius}\n{text % -(fastest + 1)}", "test")
     with pytest.raises(InputError, match="turns too fast"):
-        scene.with_changes(particle_radius=2 * radius)
+        scene.with_changes(particle_radius=1.5 * radius)
 
 
 @pytest.mark.parametrize(
