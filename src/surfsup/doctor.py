@@ -36,7 +36,7 @@ def run_checks() -> list[Check]:
     """Check everything that surfsup uses."""
     shipped = [check_weights(), check_neural_surfaces()]
     hardware = [check_python(), check_torch(), check_native_code(), check_processor()]
-    return [*hardware, *shipped, check_graphics(), check_reference_solver(), check_disk()]
+    return [*hardware, *shipped, check_graphics(), check_reference_solver(), check_cache(), check_disk()]
 
 
 def check_python() -> Check:
@@ -111,6 +111,17 @@ def check_reference_solver() -> Check:
     except (InputError, PackageNotFoundError) as error:
         problem, _, remedy = str(error).rpartition(": ")
         return Check("reference solver", False, problem or str(error), remedy)
+
+
+def check_cache() -> Check:
+    """The folder where meshes, their grids and their maps are kept."""
+    from surfsup import cache
+
+    if not cache.is_writable():
+        remedy = "set SURFSUP_CACHE to a folder that can be written"
+        return Check("cache", False, f"{cache.folder()} cannot be written: a mesh takes longer at every start", remedy)
+    used, limit = cache.size() / 1e6, cache.MAX_BYTES / 1e6
+    return Check("cache", True, f"{cache.folder()}, {used:.0f} MB of at most {limit:.0f} MB; it may be deleted")
 
 
 def check_disk() -> Check:

@@ -2,12 +2,14 @@ import json
 
 import numpy as np
 import pytest
+import torch
 
 from surfsup.errors import InputError, Interrupted
-from surfsup.io.output_folder import OutputFolder
+from surfsup.io.output_folder import OutputFolder, PenetrationCounter
 from surfsup.io.trajectory import Provenance, Trajectory
 from surfsup.scene import Scene
-from surfsup.scene.solids import Solids
+from surfsup.scene.pose import Pose
+from surfsup.scene.solids import MovingSolid, Solids
 from surfsup.sdf import Sphere
 
 SCENE = Scene.from_yaml("frames: 12\nfluid: [{block: {min: [0, 0, 1], max: [0.1, 0.1, 1.1]}}]", "test")
@@ -52,6 +54,37 @@ def test_particles_in_the_solid_and_out_of_the_container_are_counted(tmp_path):
 
     summary, _ = record(OutputFolder(tmp_path, COUNT, 12), frames_with_penetrations(), Sphere(0.1))
     assert (summary.penetrations, summary.out_of_container) == (3, 3)
+
+
+def test_particles_that_cannot_have_reached_the_solid_are_not_queried_and_the_counts_are_all_the_same():
+    queried = []
+
+    class Counted(Sphere):
+        def distance(self, points):
+            queried.append(len(points))
+            return super().distance(points)
+
+    rng = np.random.default_rng(1)
+    positions = rng.uniform(-0.6, 0.6, (500, 3)).astype(np.float32)
+    velocities = rng.normal(0, 0.02, positions.shape).astype(np.float32)
+    counter, ball = PenetrationCounter(SCENE.container, Solids(Counted(0.2))), Sphere(0.2)
+    found = []
+    for _ in range(20):
+        inside = int((ball.distance(torch.from_numpy(positions)) < 0).sum())
+        found.append(counter.count(positions, {})[0])
+        assert found[-1] == inside
+        positions = positions + velocities
+    assert len(set(found)) > 5
+    assert queried[0] == 500
+    assert sum(queried) < 0.5 * 20 * 500
+
+
+def test_a_solid_that_moves_onto_resting_particles_contains_them():
+    rest = Pose.of((0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))
+    counter = PenetrationCounter(SCENE.container, Solids(None, (MovingSolid("ball", Sphere(0.1), lambda time: rest),)))
+    positions = np.array([[0.0, 0.0, 0.5]], np.float32)
+    assert counter.count(positions, {"ball": rest}) == (0, 0)
+    assert counter.count(positions, {"ball": Pose.of((0.0, 0.0, 0.5), (1.0, 0.0, 0.0, 0.0))}) == (1, 0)
 
 
 def test_an_interrupt_keeps_the_finished_frames(tmp_path):

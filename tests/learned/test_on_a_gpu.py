@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import torch
 
-from surfsup.io.output_folder import count_penetrations
+from surfsup.io.output_folder import PenetrationCounter
 from surfsup.learned.base import LearnedSimulator
 from surfsup.learned.registry import LEARNED_SIMULATORS
 from surfsup.scene import Scene
@@ -52,7 +52,8 @@ def rollout(scene: Scene, device: str) -> list[np.ndarray]:
     """The frames of the default simulator; each is checked against the surface on the CPU, as the command line does."""
     simulation = Simulation(scene, device=device)
     frames = [frame.positions for frame in simulation.run()]
-    assert all(count_penetrations(scene.container, simulation.motion.solids, frame, {}) == (0, 0) for frame in frames)
+    penetrations_of = PenetrationCounter(scene.container, simulation.motion.solids)
+    assert all(penetrations_of.count(frame, {}) == (0, 0) for frame in frames)
     return frames
 
 

@@ -65,6 +65,10 @@ class Surface(nn.Module, ABC):
         """The same solid for the native code, with its present parameters; None for kinds it does not support."""
         return None
 
+    def content(self) -> bytes | None:
+        """A digest of all that the distance follows from; None for a surface without one, whose maps are not kept."""
+        return None
+
     @property
     def exact_outside(self) -> bool:
         """Whether the value outside the solid is the exact distance rather than a bound."""

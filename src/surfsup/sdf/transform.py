@@ -11,6 +11,7 @@ import torch
 from torch import Tensor
 
 from surfsup import native
+from surfsup.cache import digest
 from surfsup.errors import InputError
 from surfsup.sdf.native_query import distance_and_normal_native
 from surfsup.sdf.primitives import positive
@@ -74,6 +75,14 @@ class Transformed(Surface):
             return None
         parameters = [*self.rotation.flatten().tolist(), *self.translation.tolist(), float(self.scale)]
         return native.Solid("transformed", parameters, [solid])
+
+    def content(self) -> bytes | None:
+        """A digest of the surface and its placement."""
+        content = self.surface.content()
+        if content is None:
+            return None
+        placement = (self.rotation, self.translation, self.scale)
+        return digest(type(self).__name__, content, *(value.detach().cpu().numpy() for value in placement))
 
     @property
     def exact_outside(self) -> bool:

@@ -5,7 +5,6 @@ instead of water, and has 2 MB of code before the first particle.
 """
 
 import base64
-import gzip
 import json
 from collections.abc import Callable, Sequence
 from importlib.resources import files
@@ -13,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import trimesh
+from isal import igzip
 
 from surfsup.viewing.camera import FIELD_OF_VIEW, fit_camera, picture_scale
 from surfsup.viewing.html_page import write_html
@@ -86,13 +86,14 @@ def write_web_player(
         *(np.asarray(path[: len(positions) * stride : stride], "<f4").tobytes() for path in poses),
         differences.tobytes(),
     ])  # fmt: skip
+    # ISA-L is ten times as fast as zlib, and the page up to a tenth larger.
     pages = files("surfsup.viewing") / "pages"
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
     values = {
         "SCRIPT": (pages / "player.js").read_text(encoding="utf-8"),
         "HEADER": json.dumps(header),
-        "DATA": base64.b64encode(gzip.compress(body, 6, mtime=0)).decode(),
+        "DATA": base64.b64encode(igzip.compress(body, 3, mtime=0)).decode(),
     }
     write_html(path, pages / "player.html", values)
 

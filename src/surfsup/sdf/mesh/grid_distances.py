@@ -6,14 +6,24 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from surfsup.cache import cached, digest
 from surfsup.sdf.grid import CHUNK, SdfGrid, grid_nodes
 from surfsup.sdf.mesh.query import MeshQuery
 from surfsup.sdf.mesh.signs import nodes_inside
 
 
 def mesh_grid(query: MeshQuery, cell: float, margin: float) -> SdfGrid:
-    """A grid of exact distances and gradients for queries in double precision, see :func:`mesh_distances`."""
-    distance, gradient, lower = mesh_distances(query, cell, margin)
+    """A grid of exact distances and gradients for queries in double precision, see :func:`mesh_distances`.
+
+    Those of a known mesh are read from the cache.
+    """
+
+    def compute() -> dict[str, np.ndarray]:
+        values = (value.numpy() for value in mesh_distances(query, cell, margin))
+        return dict(zip(("distance", "gradient", "lower"), values, strict=True))
+
+    arrays = cached("grid", digest(query.vertices, query.faces, cell, margin), compute)
+    distance, gradient, lower = (torch.from_numpy(arrays[name]) for name in ("distance", "gradient", "lower"))
     size = torch.from_numpy(np.ptp(query.vertices, axis=0) + 2 * margin)
     return SdfGrid(distance, gradient, lower, cell, center=lower + size / 2)
 

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import json
+import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
+from surfsup.cache import cached, digest
 from surfsup.errors import InputError
-from surfsup.sdf.mesh.cleaning import clean, warn
+from surfsup.sdf.mesh.cleaning import MeshWarning, clean, warn
 from surfsup.sdf.mesh.readers.identify import READERS, identify, known_suffixes
 from surfsup.sdf.mesh.readers.raw_mesh import RawMesh, UnreadableMeshError
 
@@ -25,6 +28,8 @@ def load_mesh(path: str | Path, up: Literal["y", "z"] | None = None, keep_sheets
     objects of a scene are placed and joined, polygons are triangulated, equal vertices are merged. Degenerate faces,
     duplicate faces, walls between bodies that share faces and unused vertices are removed.
 
+    The triangles of a file whose content is known come from the :mod:`surfsup.cache`, with the same warnings.
+
     Args:
         path: An OBJ, STL, PLY, OFF, GLB or glTF file.
         up: The axis that points up in the file. glTF is y-up by its specification. The other formats do not specify it
@@ -39,28 +44,56 @@ def load_mesh(path: str | Path, up: Literal["y", "z"] | None = None, keep_sheets
         MeshWarning: The mesh has holes, and winding numbers define its inside; sheets were left out; faces or bodies
             were flipped; or something in the file was skipped.
     """
+    import trimesh
+
     path = Path(path)
     if up not in ("y", "z", None):
         raise InputError(f"{path}: up is {up!r}, but must be y or z, the axis that points up in the file")
-    raw, kind = read_mesh(path)
-    mesh = clean(raw.vertices, raw.faces, path, keep_sheets)
-    if (up or ("y" if kind in ("glb", "gltf") else "z")) == "y":
-        mesh.vertices = np.asarray(mesh.vertices)[:, [0, 2, 1]] * [1.0, -1.0, 1.0]
-    return mesh
-
-
-def read_mesh(path: Path) -> tuple[RawMesh, str]:
-    """The unprocessed triangles of the file, and its format.
-
-    Raises:
-        InputError: The file cannot be read, or contains no triangles.
-    """
-    suffix = path.suffix.lower().lstrip(".")
     try:
         content = path.read_bytes()
     except (OSError, ValueError) as error:
         reason = (error.strerror if isinstance(error, OSError) else None) or "its name is no name of a file"
         raise InputError(f"{path}: cannot be read ({reason}); check the path") from error
+    key = digest(content, path.suffix.lower(), up, keep_sheets)
+    arrays = cached("mesh", key, lambda: read_and_repair(content, path, up, keep_sheets))
+    for defect in json.loads(arrays["defects"].tobytes()):
+        warn(path, defect)
+    return trimesh.Trimesh(arrays["vertices"], arrays["faces"], process=False)
+
+
+def read_and_repair(
+    content: bytes, path: Path, up: Literal["y", "z"] | None, keep_sheets: bool
+) -> dict[str, np.ndarray]:
+    """Vertices and faces of :func:`load_mesh` from the content of a file, and the texts of the warnings."""
+    caught: list[warnings.WarningMessage] = []
+    try:
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always", MeshWarning)
+            raw, kind = read_mesh(content, path)
+            mesh = clean(raw.vertices, raw.faces, path, keep_sheets)
+    except InputError:
+        for warning in caught:  # of what was found before
+            warnings.warn(warning.message, stacklevel=2)
+        raise
+    texts = [str(warning.message) for warning in caught if issubclass(warning.category, MeshWarning)]
+    defects = [text.removeprefix(f"{path}: ") for text in texts]
+    vertices = np.asarray(mesh.vertices)
+    if (up or ("y" if kind in ("glb", "gltf") else "z")) == "y":
+        vertices = vertices[:, [0, 2, 1]] * [1.0, -1.0, 1.0]
+    return {
+        "vertices": np.array(vertices, np.float64),
+        "faces": np.array(mesh.faces, np.int64),
+        "defects": np.frombuffer(json.dumps(defects).encode(), np.uint8),
+    }
+
+
+def read_mesh(content: bytes, path: Path) -> tuple[RawMesh, str]:
+    """The unprocessed triangles of the content of a file, and its format.
+
+    Raises:
+        InputError: The content cannot be read, or contains no triangles.
+    """
+    suffix = path.suffix.lower().lstrip(".")
     if not content:
         raise InputError(f"{path}: is empty; export it again")
     try:

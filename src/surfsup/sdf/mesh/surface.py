@@ -9,6 +9,7 @@ import torch
 from torch import Tensor
 
 from surfsup import native
+from surfsup.cache import digest
 from surfsup.errors import InputError
 from surfsup.native.dispatch import is_built
 from surfsup.sdf.grid import SdfGrid
@@ -42,8 +43,8 @@ class MeshSurface(Surface):
       distance is an upper bound. ``benchmarks/mesh_distance.py`` measures the errors.
 
     With ``exact=True`` every query uses the triangles, which is several times slower. The grids are built at the first
-    query, in one to two seconds for 50,000 triangles. Queries run on the CPU; results move to the device of the
-    points. A point that is not finite has distance NaN.
+    query, in one to two seconds for 50,000 triangles, or read from the :mod:`surfsup.cache`.
+    Queries run on the CPU; results move to the device of the points. A point that is not finite has distance NaN.
 
     The distance is differentiable in the points; its gradient is the unit normal. The normal is treated as constant:
     its derivative (the curvature, which is nonzero only beside edges and corners) is taken to be zero.
@@ -112,6 +113,12 @@ class MeshSurface(Surface):
         finite = np.isfinite(points).all(axis=1)
         distance[~finite] = normal[~finite] = np.nan
         distance[finite], normal[finite] = self.query_near_node(points[finite].astype(np.float64), fine)
+
+    def content(self) -> bytes | None:
+        """A digest of the triangles and of how they are queried; None for subclasses of others."""
+        if not type(self).__module__.startswith("surfsup."):
+            return None
+        return digest(type(self).__name__, self.query.vertices, self.query.faces, self.cells, self.exact)
 
     def bounds(self) -> Tensor:
         """The bounding box of the triangles (2, 3)."""

@@ -15,6 +15,7 @@ import torch
 from torch import Tensor
 
 from surfsup import native
+from surfsup.cache import cached, digest
 from surfsup.errors import InputError
 from surfsup.scene import Container
 from surfsup.sdf import Surface
@@ -55,13 +56,34 @@ class MapTables:
 
         If parts are cut off, the distance to triangles replaces the bound: with it, a hole drains 40 % too slowly.
         """
-        try:
-            solid = TrueDistance(surface) if is_bound(surface) else surface
-            volume_map = map_in_container(solid, container, -MIN_DEPTH)
-        except InputError:
-            lower, cell, resolution = np.zeros(3, np.float32), np.ones(3, np.float32), np.ones(3, np.int32)
-            return cls(lower, cell, resolution, np.full(1, -1, np.int32), far_nodes())
-        return cls.of_map(volume_map)
+
+        def compute() -> MapTables:
+            try:
+                solid = TrueDistance(surface) if is_bound(surface) else surface
+                volume_map = map_in_container(solid, container, -MIN_DEPTH)
+            except InputError:
+                lower, cell, resolution = np.zeros(3, np.float32), np.ones(3, np.float32), np.ones(3, np.int32)
+                return cls(lower, cell, resolution, np.full(1, -1, np.int32), far_nodes())
+            return cls.of_map(volume_map)
+
+        return cls.known(surface, np.array([container.lower, container.upper]), compute)
+
+    @classmethod
+    def of_whole(cls, surface: Surface, name: str) -> MapTables:
+        """The map of all of ``surface``, which moves under ``name``.
+
+        Raises:
+            InputError: the surface is too large, or has no point at all.
+        """
+        return cls.known(surface, "whole", lambda: cls.of_map(whole_map(surface, name, -MIN_DEPTH)))
+
+    @classmethod
+    def known(cls, surface: Surface, extent: np.ndarray | str, compute: Callable[[], MapTables]) -> MapTables:
+        """The tables of ``compute`` over an ``extent``; from the cache if the surface is known."""
+        content = surface.content()
+        if content is None:
+            return compute()
+        return cls(**cached("boundary-map", digest(content, extent), lambda: vars(compute())))
 
     @classmethod
     def of_map(cls, volume_map: VolumeMap) -> MapTables:
@@ -118,7 +140,7 @@ class BoundaryMap:
         Raises:
             InputError: by that query: the surface is too large, or has no point at all.
         """
-        return cls(cache(lambda: MapTables.of_map(whole_map(surface, name, -MIN_DEPTH))))
+        return cls(cache(lambda: MapTables.of_whole(surface, name)))
 
     @property
     def tables(self) -> MapTables:
