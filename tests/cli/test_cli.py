@@ -131,7 +131,7 @@ def test_an_evaluation_writes_a_report_and_its_rollout_can_be_compared_again(tmp
             ["evaluate", "old.safetensors", "OTHER", "-o", "report"],
             "is weights format 'surfsup-simulator-2' of another version",
         ),
-        (["compare", "OTHER/00000.h5", "OTHER/00000.h5"], "0.015 m, so take other data"),
+        (["compare", "OTHER/00000.h5", "STANDARD/00000.h5"], "simulate both with the same fps and particle_radius"),
         (["evaluate", "dfsph", ".", "--frames", "0"], "greater than or equal to 1"),
         (["train", "surfsup", "--data", ".", "--validation", ".", "-o", "run", "--time", "soon"], "length of time"),
         (["train", "surfsup", "width", "--data", ".", "--validation", ".", "-o", "run"], "key=value"),
@@ -152,6 +152,7 @@ def test_bad_input_prints_one_line_exits_with_status_2_and_writes_nothing(argume
     save_file({"weight": torch.zeros(1)}, tmp_path / "old.safetensors", {"format": "surfsup-simulator-2"})
     with h5py.File(write(tmp_path / "OTHER/00000.h5", *free_fall(2), scene=FALL.with_frames(2)), "r+") as file:
         file.attrs["radius"] = 0.025
+    write(tmp_path / "STANDARD/00000.h5", *free_fall(2), scene=FALL.with_frames(2))
     before = sorted(os.listdir(tmp_path))
     done = surfsup(*[str(scene) if argument == "SCENE" else argument for argument in arguments], cwd=tmp_path)
     assert done.returncode == 2

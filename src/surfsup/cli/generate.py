@@ -23,6 +23,7 @@ RECIPE_NAMES = (
     "assorted",
     "tanks",
     "hills",
+    "stirring",
 )
 
 
