@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from surfsup import Block, InputError, Scene, Simulation, Sphere, Transformed
+from surfsup import Block, InputError, Scene, Simulation, Sphere, Trajectory, Transformed
 from surfsup.native.dispatch import is_built
 from surfsup.scene import FRAME_TIME
 from surfsup.sph.collision import CLEARANCE
@@ -172,3 +172,15 @@ def test_a_frame_between_two_steps_has_the_pose_of_its_time():
     for frame in frames:
         turned = 2 * np.arccos(frame.poses["paddle"].rotation[0])
         assert turned == pytest.approx(6 * frame.time, abs=1e-6)
+
+
+def test_a_recording_after_steps_begins_at_the_time_of_its_first_frame(tmp_path):
+    scene = Scene(fluid=SCENE.fluid)
+    simulation = Simulation(scene, device="cpu")
+    for _ in range(4):
+        simulation.step()
+    simulation.record(tmp_path / "late.h5", seconds=0.05)
+    with Trajectory(tmp_path / "late.h5") as trajectory:
+        assert trajectory.start_time == pytest.approx(4 * FRAME_TIME)
+    continued = Simulation(scene.with_changes(restart=tmp_path / "late.h5"), device="cpu")
+    assert continued.time == pytest.approx(13 * FRAME_TIME)

@@ -16,6 +16,7 @@ from surfsup.io.trajectory import Provenance, TrajectoryWriter
 from surfsup.learned.loading import DEFAULT_SIMULATOR, load_simulator
 from surfsup.scene import FRAME_TIME, InitialParticles, Scene
 from surfsup.scene.pose import NO_ROTATION, Pose, between
+from surfsup.scene.solids import Solids
 from surfsup.sph.collision import resolve_collisions
 from surfsup.sph.device import choose_device
 from surfsup.sph.environment import Environment
@@ -127,7 +128,7 @@ class Simulation:
         self.surface = self.motion.solids.still
         solid = self.motion.solids.at_time(self._start_time)
         self.particles = start_of(scene, solid) if particles is None else particles
-        self._environment = self._make_environment()
+        self._environment = self._make_environment(self.motion.solids)
         start = self._units.particles_to_solver(self.particles)
         positions, velocities = (
             torch.from_numpy(values).to(self._device) for values in (start.positions, start.velocities)
@@ -154,16 +155,21 @@ class Simulation:
     def reset(self, state: SimulationState | None = None) -> None:
         """Return to an earlier state of this simulation, or of one of the same scene; by default to the start.
 
+        Motions that :meth:`set_pose` and :meth:`set_motion` gave stay: they act from the next step on.
+
         Raises:
-            InputError: it is no state of a simulation.
+            InputError: it is no state of a simulation, or something moves in it that stands still in this one.
         """
         if state is not None and not isinstance(state, SimulationState):
             raise InputError(f"a simulation is reset to its 'state', not to {type(state).__name__}")
         state = self._start if state is None else state
+        movable = self.motion.solids.poses(self._start_time)
+        if unknown := [name for name in state.poses if name not in movable]:
+            raise InputError(
+                f"'{unknown[0]}' moves in the state, but stands still in this simulation; call set_pose for it first"
+            )
         # What began to move after that state stood at rest in it.
-        rest = {
-            name: pose for name, pose in self.motion.solids.poses(self._start_time).items() if name not in state.poses
-        }
+        rest = {name: pose for name, pose in movable.items() if name not in state.poses}
         self._state = replace(state, poses={**rest, **state.poses}) if rest else state
 
     @torch.no_grad()
@@ -207,18 +213,19 @@ class Simulation:
         Raises:
             InputError: there is no such surface, or the simulator knows no moving solids.
         """
-        if self.motion.override(name, motion):
+        changed = self.motion.overridden(name, motion)
+        if changed.solids is self.motion.solids:
+            self.motion = changed
             return
         # What stood still so far moves from now on, in a frame of its own.
-        rest = self.motion.solids.poses(self._start_time)
-        poses = {name: rest[name], **self._state.poses}
-        self.surface = self.motion.solids.still
-        self._environment = self._make_environment()
-        self._state = replace(self._state, poses=poses)
+        rest = changed.solids.poses(self._start_time)
+        environment = self._make_environment(changed.solids)  # may fail, so that nothing is changed before
+        self.motion, self.surface, self._environment = changed, changed.solids.still, environment
+        self._state = replace(self._state, poses={name: rest[name], **self._state.poses})
         self._start = replace(self._start, poses=rest)
 
-    def _make_environment(self) -> Environment:
-        solids = self._units.solids_to_solver(self.motion.solids, self._start_time)
+    def _make_environment(self, scene_solids: Solids) -> Environment:
+        solids = self._units.solids_to_solver(scene_solids, self._start_time)
         solver_scene = self._units.scene_to_solver(self.scene)
         environment = Environment.of(solver_scene, solids.still, self._device, solids)
         self._simulator.check_knows(environment)
@@ -251,7 +258,7 @@ class Simulation:
         """Run for a while and write every frame to a trajectory file.
 
         Args:
-            path: an HDF5 file; an existing file is replaced.
+            path: an HDF5 file; an existing file is replaced, but not the one that the scene continues.
             seconds: as in :meth:`run`.
 
         Raises:
@@ -260,7 +267,7 @@ class Simulation:
         """
         frames = self.run(seconds)
         count = len(self._state.fluid.positions)
-        with TrajectoryWriter(Path(path), self.scene, Provenance(self.name), count) as writer:
+        with TrajectoryWriter(Path(path), self.scene, Provenance(self.name), count, start_time=self.time) as writer:
             for frame in frames:
                 writer.append(frame.positions, frame.velocities, frame.poses)
 
@@ -284,8 +291,9 @@ class Simulation:
         positions, velocities = hermite((old.positions, old.velocities), (new.positions, new.velocities), part)
         environment, poses = self._environment, before.poses
         if environment.moving is not None:
-            poses = {name: between(pose, self._state.poses[name], part) for name, pose in before.poses.items()}
-            environment = environment.moved(self._motion_between(environment.moving, before.poses, poses, part))
+            start = {**self._state.poses, **before.poses}  # what began to move since then has not moved yet
+            poses = {name: between(start[name], pose, part) for name, pose in self._state.poses.items()}
+            environment = environment.moved(self._motion_between(environment.moving, start, poses, part))
         if self.handle_collisions:
             result = resolve_collisions(old.positions, positions, velocities, environment)
             positions, velocities = result.positions, result.velocities

@@ -5,7 +5,9 @@ from surfsup.evaluation.evaluate import evaluate_trajectory
 from surfsup.evaluation.rollout import write_rollout
 from surfsup.evaluation.scores import ALL
 from surfsup.io.trajectory import Trajectory
+from surfsup.native.dispatch import is_built
 from surfsup.scene import Scene
+from surfsup.simulation import Simulation
 from surfsup.sph.solver import DfsphSolver
 from tests.evaluation.scenes import FRAMES, Replay, free_fall, write
 
@@ -53,3 +55,20 @@ def test_a_diverged_rollout_has_the_poses_of_all_frames(tmp_path):
         write_rollout(tmp_path / "out.h5", Replay(*frames), "replay", reference, FRAMES)
     with Trajectory(tmp_path / "out.h5") as rollout:
         np.testing.assert_allclose(rollout.poses["ball"][:, 0], 0.005 * np.arange(FRAMES), atol=1e-9)
+
+
+@pytest.mark.skipif(not is_built(), reason="moving solids run in the C++ code")
+def test_a_reference_that_continues_another_has_its_solids_where_they_were(tmp_path):
+    scene = Scene.from_yaml(
+        "surfaces: {bar: {box: {size: [0.4, 0.1, 0.1]}, at: [0, 0, 0.2], motion: {spin: {rate: 3}}}}\n"
+        "fluid: [{block: {min: [-0.1, -0.1, 0.3], max: [0.1, 0.1, 0.5]}}]\nframes: 21",
+        "test",
+    )
+    Simulation(scene).record(tmp_path / "first.h5")
+    Simulation(scene.with_changes(restart=tmp_path / "first.h5", frames=6)).record(tmp_path / "second.h5")
+    with Trajectory(tmp_path / "second.h5") as reference:
+        write_rollout(tmp_path / "out.h5", DfsphSolver(), "dfsph", reference, 6)
+        with Trajectory(tmp_path / "out.h5") as rollout:
+            assert rollout.start_time == pytest.approx(0.1)
+            np.testing.assert_allclose(rollout.poses["bar"], reference.poses["bar"], atol=1e-12)
+            np.testing.assert_allclose(rollout.positions[:], reference.positions[:], atol=1e-4)

@@ -341,3 +341,12 @@ def test_frames_without_poses_keep_the_last_ones(tmp_path):
                 writer.flush()
     with Trajectory(path) as trajectory:
         np.testing.assert_array_equal(trajectory.poses["cup"][:, 0], np.minimum(np.arange(30), 10))
+
+
+def test_the_trajectory_that_a_scene_continues_is_not_replaced(tmp_path):
+    write(tmp_path / "a.h5", 3)
+    before = (tmp_path / "a.h5").read_bytes()
+    for restart in (tmp_path / "a.h5", tmp_path / "other" / ".." / "a.h5"):
+        with pytest.raises(InputError, match="is the trajectory that the scene continues; write to another file"):
+            TrajectoryWriter(tmp_path / "a.h5", SCENE.with_changes(restart=restart), Provenance("a model"), PARTICLES)
+    assert (tmp_path / "a.h5").read_bytes() == before

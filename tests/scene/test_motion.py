@@ -143,6 +143,21 @@ def test_an_unusable_motion_is_refused_in_one_line(motion, complaint):
     assert "\n" not in str(caught.value)
 
 
+@pytest.mark.parametrize(("radius", "fastest"), [(0.015, 80), (0.06, 40), (0.00375, 160)])
+@pytest.mark.parametrize("place", ["surfaces.ball", "container"])
+def test_a_spin_is_at_most_two_fifths_of_a_turn_in_a_frame(radius, fastest, place):
+    text = {
+        "surfaces.ball": "surfaces: {ball: {sphere: {radius: 0.1}, motion: {spin: {turns: %g}}}}",
+        "container": "container: {size: [1, 1, 2], motion: {spin: {turns: %g}}}",
+    }[place]
+    water = "fluid: [{block: {min: [-0.4, -0.4, 1], max: [0.4, 0.4, 1.8]}}]\n"
+    scene = Scene.from_yaml(f"{water}particle_radius: {radius}\n{text % fastest}", "test")
+    with pytest.raises(InputError, match=rf"{place}: turns too fast for frames of .* at most {fastest} turns a second"):
+        Scene.from_yaml(f"{water}particle_radius: {radius}\n{text % -(fastest + 1)}", "test")
+    with pytest.raises(InputError, match="turns too fast"):
+        scene.with_changes(particle_radius=1.5 * radius)
+
+
 @pytest.mark.parametrize(
     ("text", "complaint"),
     [

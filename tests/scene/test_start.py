@@ -27,3 +27,31 @@ def test_rounding_up_keeps_two_digits():
     assert round_up(0.00312) == pytest.approx(0.0032)
     assert round_up(0.05) == pytest.approx(0.05)
     assert round_up(0.0999) == pytest.approx(0.1)
+
+
+TILTED = (
+    "container: {size: [0.6, 0.6, 0.8], motion: {keyframes: [{time: 0, position: [2, 0, 0],"
+    " rotation: {axis: [0, 1, 0], degrees: 30}}, {time: 0.1}]}}\nfluid: [%s]"
+)
+
+
+MESSAGE = r"outside the container.*moved by \(2, 0, 0\) m and rotated by 30 degrees"
+
+
+def particles_of(entry: str) -> int:
+    return len(Scene.from_yaml(TILTED % entry, "test").initial_particles(None).positions)
+
+
+def test_a_block_is_checked_against_the_container_where_it_begins():
+    assert particles_of("{block: {min: [2.1, -0.1, 0.2], max: [2.3, 0.1, 0.4]}}") > 50
+    with pytest.raises(InputError, match=MESSAGE):
+        particles_of("{block: {min: [-0.1, -0.1, 0.2], max: [0.1, 0.1, 0.4]}}")
+    with pytest.raises(InputError, match=MESSAGE):  # inside if the container were not rotated
+        particles_of("{block: {min: [1.75, -0.1, 0.02], max: [1.9, 0.1, 0.2]}}")
+
+
+def test_a_fill_is_checked_against_the_container_where_it_begins():
+    box = "{fill: {surface: {box: {size: [0.2, 0.2, 0.2]}, at: [%g, 0, 0.3]}}}"
+    assert particles_of(box % 2.2) > 50
+    with pytest.raises(InputError, match=MESSAGE):
+        particles_of(box % 0)

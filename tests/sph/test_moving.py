@@ -1,5 +1,6 @@
 """Moving solids in the C++ solver."""
 
+import copy
 import warnings
 
 import numpy as np
@@ -276,3 +277,47 @@ class TestAgainstMistakes:
         simulation.set_pose("ball", (0, 0, -1))
         with pytest.raises(InputError, match="surface 'ball' is 20 x 20 x 1 m large, too large"):
             simulation.step()
+
+    def test_a_simulation_is_copied_after_a_step(self):
+        simulation = simulation_of(self.TEXT)
+        simulation.set_motion("ball", lambda time: Pose.of((0.2 * time, 0, 0.3)))
+        simulation.step()
+        copied = copy.deepcopy(simulation)
+        for _ in range(3):
+            np.testing.assert_array_equal(copied.step().positions, simulation.step().positions)
+
+    def test_a_motion_that_cannot_be_set_changes_nothing(self):
+        simulation = sf.Simulation(Scene.from_yaml(self.TEXT, "test"), "surfsup", device="cpu")
+        with pytest.raises(InputError, match="does not know moving solids"):
+            simulation.set_pose("ball", (0, 0, 0.5))
+        assert simulation.surface is not None and simulation.motion.solids.moving == ()
+        assert simulation.step().poses == {}
+
+    def test_a_reset_to_the_start_keeps_the_motions_that_were_set(self):
+        simulation = simulation_of(self.TEXT)
+        simulation.set_pose("ball", (0.01, 0, 0.3))
+        simulation.step()
+        simulation.reset()
+        np.testing.assert_allclose(simulation.frame.poses["ball"].position, (0, 0, 0.3))
+        np.testing.assert_allclose(simulation.step().poses["ball"].position, (0.01, 0, 0.3))
+
+    def test_a_solid_may_begin_to_move_between_two_frames_of_a_run(self):
+        simulation = simulation_of(self.TEXT)
+        frames = simulation.run(seconds=0.1, fps=150)
+        next(frames), next(frames)
+        simulation.set_pose("ball", (0.01, 0, 0.3))
+        for frame in frames:
+            assert 0 <= frame.poses["ball"].position[0] <= 0.01
+
+    def test_a_state_in_which_more_moves_is_refused(self):
+        one, other = simulation_of(self.TEXT), simulation_of(self.TEXT)
+        one.set_pose("ball", (0.01, 0, 0.3))
+        with pytest.raises(InputError, match="'ball' moves in the state, but stands still in this simulation"):
+            other.reset(one.state)
+
+    def test_buffers_are_kept_of_the_latest_part_of_a_frame_alone(self):
+        simulation = simulation_of(self.TEXT)
+        for distance in (0.0, 0.02, 0.12, 0.0):
+            simulation.set_pose("ball", (distance, 0, 0.3))
+            simulation.step()
+        assert len(simulation._simulator.native.solvers) == 2

@@ -1,9 +1,13 @@
+import warnings
+
 import numpy as np
 import pytest
 import torch
 
 from surfsup import Block, InputError, Scene, Simulation
+from surfsup.native.dispatch import is_built
 from surfsup.scene import SPACING, Fill
+from surfsup.scene.pose import Pose
 from surfsup.sph import settle
 from surfsup.sph.collision import CLEARANCE
 from surfsup.sph.settle import NotSettledWarning, start_of
@@ -87,3 +91,37 @@ def test_a_restart_from_another_radius_is_refused(tmp_path):
     Simulation(scene, device="cpu").record(tmp_path / "first.h5")
     with pytest.raises(InputError, match=r"has particles of radius 0\.015 m, but the scene of 0\.01 m"):
         Simulation(scene.with_changes(restart=tmp_path / "first.h5", particle_radius=0.01), device="cpu")
+
+
+MOVED = (
+    "container: {size: [0.4, 0.4, 0.4], motion: {keyframes: [{time: 0, position: [1, 0, 0],"
+    " rotation: {axis: [0, 1, 0], degrees: 20}}, {time: 1, position: [1.5, 0, 0]}]}}\n"
+    "frames: 41\nfluid: [{fill: {surface: {box: {size: [0.2, 0.2, 0.15]}, at: [1.05, 0, 0.14]}, settle: %s}}]"
+)
+
+
+@pytest.mark.skipif(not is_built(), reason="moving solids run in the C++ code")
+def test_water_settles_in_a_container_that_begins_tilted(monkeypatch):
+    monkeypatch.setattr(settle, "MAX_FRAMES", 150)
+    scene = Scene.from_yaml(MOVED % "true", "test")
+    pose = scene_pose(scene, 0.0)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", NotSettledWarning)
+        start = start_of(scene, None)
+    own = pose.to_own(start.positions)
+    assert (np.abs(own[:, :2]) < 0.2).all() and (own[:, 2] > 0).all() and own[:, 2].min() < 0.03
+    assert own[:, 0].mean() > 0.05  # the lower side
+
+
+@pytest.mark.skipif(not is_built(), reason="moving solids run in the C++ code")
+def test_a_scene_continues_in_a_container_that_moves(tmp_path):
+    scene = Scene.from_yaml(MOVED % "false", "test")
+    Simulation(scene).record(tmp_path / "first.h5")
+    second = Simulation(scene.with_changes(restart=tmp_path / "first.h5"))
+    np.testing.assert_allclose(second.frame.poses["container"].array, scene_pose(scene, 0.2).array)
+    own = second.step().poses["container"].to_own(second.frame.positions)
+    assert (np.abs(own[:, :2]) < 0.2).all() and (own[:, 2] > 0).all()
+
+
+def scene_pose(scene: Scene, time: float) -> Pose:
+    return scene.container.motion.pose_function(Pose.of())(time)

@@ -30,12 +30,13 @@ def reference(
 
     scene = scene_options.read()
     solids = build_solids(scene)
-    particles = start_of(scene, solids.at_time(scene.start_time))
+    start_time = scene.start_time
+    particles = start_of(scene, solids.at_time(start_time))
     solver.check_installed()
     warn_compressed_start(scene, particles)
     folder = output.create_folder(scene_options.source, len(particles.positions), scene.frames)
     frames = (
-        (*frame, solids.poses(scene.start_time + number * scene.frame_time))
+        (*frame, solids.poses(start_time + number * scene.frame_time))
         for number, frame in enumerate(solver.simulate(scene, solids.still, particles, threads))
     )
     with progress_bar("simulating with SPlisHSPlasH") as bar:

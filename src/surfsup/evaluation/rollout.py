@@ -13,6 +13,7 @@ from surfsup.errors import SimulationError
 from surfsup.io.trajectory import Provenance, Trajectory, TrajectoryWriter
 from surfsup.scene import FRAME_TIME
 from surfsup.scene.pose import Pose
+from surfsup.scene.solids import build_solids
 from surfsup.sph.environment import Environment
 from surfsup.sph.simulator import Simulator, StateType
 
@@ -86,11 +87,12 @@ def write_rollout(
         InputError: a mesh file of the scene is not valid, or ``path`` cannot be written.
     """
     scene = reference.scene.with_frames(frames)
-    environment = Environment.of(scene, scene.build_surface(), device)
+    solids = scene.units.solids_to_solver(build_solids(scene), reference.start_time)
+    environment = Environment.of(scene, solids.still, device, solids)
     rollout = roll_out(simulator.to(device), reference, environment, frames, handle_collisions)
     lost = np.full(reference.positions.shape[1:], np.nan, dtype=np.float32)
     collided_shares = []
-    with TrajectoryWriter(path, scene, Provenance(name), len(lost)) as writer:
+    with TrajectoryWriter(path, scene, Provenance(name), len(lost), start_time=reference.start_time) as writer:
         for number, (state, collided) in enumerate(rollout):
             writer.append(state.positions.cpu().numpy(), state.velocities.cpu().numpy(), poses_of(environment, number))
             collided_shares.append(float(collided.float().mean()))

@@ -122,7 +122,8 @@ class Trajectory(TrajectoryFrames):
         scene: the simulated scene.
         provenance: simulator, seed and version.
         frame_time: seconds between frames.
-        start_time: seconds, of the first frame; above 0 where the scene continues another trajectory.
+        start_time: seconds, of the first frame; above 0 where the scene continues another trajectory, or was
+            recorded after some steps.
         radius: particle radius in meters.
         poses: (frames, 7) float64 by name, of every solid that moves, and of a container that moves: position x, y, z
             in meters and rotation, a unit quaternion w, x, y, z. Empty in a file without any.
@@ -159,7 +160,13 @@ class TrajectoryWriter:
     """
 
     def __init__(
-        self, path: Path, scene: Scene, provenance: Provenance, particles: int, root: Path | None = None
+        self,
+        path: Path,
+        scene: Scene,
+        provenance: Provenance,
+        particles: int,
+        root: Path | None = None,
+        start_time: float | None = None,
     ) -> None:
         """Create the file ``path``, or replace it.
 
@@ -170,10 +177,14 @@ class TrajectoryWriter:
             particles: number of particles.
             root: folder that may be moved as a whole; that of ``path`` by default. Paths inside it are written
                 relative to the file.
+            start_time: seconds, of the first frame; by default that of the scene.
 
         Raises:
-            InputError: the file cannot be written, or it cannot describe the scene.
+            InputError: the file cannot be written, it cannot describe the scene, or the scene continues it.
         """
+        if scene.restart is not None and (scene.base_folder / scene.restart).resolve() == path.resolve():
+            raise InputError(f"{path}: is the trajectory that the scene continues; write to another file")
+        start_time = scene.start_time if start_time is None else start_time
         text = scene.with_paths_relative_to(path.parent, root).to_yaml()
         self._path = path
         self._check_disk_space(SPARE_BYTES)
@@ -192,8 +203,8 @@ class TrajectoryWriter:
                 "version": provenance.version,
             }
         )
-        if scene.restart is not None:
-            self._file.attrs["start_time"] = scene.start_time
+        if scene.restart is not None or start_time != 0:
+            self._file.attrs["start_time"] = start_time
         group = self._file.create_group(GROUP)
         self._sets = [
             group.create_dataset(

@@ -19,7 +19,7 @@ from surfsup.scene.strict_model import Finite, StrictModel, Vector
 
 PoseFunction = Callable[[float], Pose]
 COLUMNS = ("time", "x", "y", "z", "qw", "qx", "qy", "qz")
-MAX_TURNS = 80.0  # a second; half a turn in a frame of 5 ms has two shorter ways
+MAX_TURN = 0.8 * math.pi  # in a frame; half a turn has two shorter ways
 
 
 def as_quaternion(value: Any) -> Any:
@@ -59,19 +59,30 @@ class Spin(StrictModel):
 
     @model_validator(mode="after")
     def check_rate(self) -> Spin:
-        """Require an axis and one rate that frames can resolve."""
+        """Require an axis and one rate."""
         if not any(self.axis):
             raise ValueError("axis must not be zero")
         if (self.rate is None) == (self.turns is None):
             raise ValueError("give either rate in rad/s or turns in turns a second")
-        if abs(self.radians_per_second) > 2 * math.pi * MAX_TURNS:
-            raise ValueError(f"turns too fast: at most {MAX_TURNS:g} turns a second")
         return self
 
     @property
     def radians_per_second(self) -> float:
         """The rate, rad/s."""
         return self.rate if self.rate is not None else 2 * math.pi * (self.turns or 0.0)
+
+    def check_turn(self, frame_time: float) -> None:
+        """Refuse a rate that frames of ``frame_time`` seconds do not resolve.
+
+        Raises:
+            ValueError: with the fastest rate.
+        """
+        limit = MAX_TURN / frame_time
+        if abs(self.radians_per_second) > limit * (1 + 1e-9):
+            raise ValueError(
+                f"turns too fast for frames of {1000 * frame_time:.3g} ms: at most {limit / (2 * math.pi):.3g} turns "
+                f"a second ({limit:.4g} rad/s)"
+            )
 
     def pose_function(self, rest: Pose) -> PoseFunction:
         """The pose over time; a spin without ``point`` is about the origin of the surface."""

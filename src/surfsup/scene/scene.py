@@ -202,6 +202,18 @@ class Scene(StrictModel):
         return self
 
     @model_validator(mode="after")
+    def check_spins(self) -> Scene:
+        """Refuse spins that are too fast for the simulator's frames, whose length is that of the particles' radius."""
+        named = {f"surfaces.{name}": getattr(entry, "motion", None) for name, entry in self.surfaces.items()}
+        for place, motion in {**named, CONTAINER: self.container.motion}.items():
+            try:
+                if motion is not None and motion.spin is not None:
+                    motion.spin.check_turn(self.units.frame_time)
+            except ValueError as error:
+                raise ValueError(f"{place}: {error}") from None
+        return self
+
+    @model_validator(mode="after")
     def count_frames(self) -> Scene:
         """Compute the number of frames from the duration."""
         fastest = 1 / self.units.frame_time

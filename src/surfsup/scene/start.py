@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import math
 import os
+from itertools import product
 from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.spatial import cKDTree
 
 from surfsup.errors import InputError
+from surfsup.scene import quaternion
 from surfsup.scene.fill import distances
 from surfsup.scene.fluid import Block, Fluid, InitialParticles
 from surfsup.scene.particle_file import FileParticles, ParticleFile, read_particles
+from surfsup.scene.pose import Pose
 from surfsup.scene.strict_model import Vector
 from surfsup.sdf import Surface
 
@@ -74,6 +77,8 @@ def entry_particles(
     outside = outside_container(scene, positions, WALL_CLEARANCE * scene.units.length)
     if shape is not None and outside.any():
         lower, upper = positions.min(axis=0), positions.max(axis=0)
+        if scene.container.motion is not None:
+            raise InputError(f"fluid: the shape of fill {number} reaches {out_of_moved(container_at_start(scene))}")
         axis = int(np.argmax((lower < scene.container.lower) | (upper > scene.container.upper)))
         raise InputError(
             f"fluid: the shape of fill {number} reaches from {lower[axis]:.3g} to {upper[axis]:.3g} m along "
@@ -90,6 +95,11 @@ def check_block(scene: Scene, number: int, block: Block) -> None:
         InputError: it is not.
     """
     clearance = WALL_CLEARANCE * scene.units.length
+    if scene.container.motion is not None:
+        corners = np.array(list(product(*block.particle_bounds(scene.spacing))))
+        if outside_container(scene, corners, clearance).any():
+            raise InputError(f"fluid: block {number} reaches {out_of_moved(container_at_start(scene))}")
+        return
     limits = zip("xyz", scene.container.lower, scene.container.upper, strict=True)
     for (name, low, high), (first, last), start, end in zip(
         limits, block.particle_bounds(scene.spacing), block.min, block.max, strict=True
@@ -105,8 +115,30 @@ def check_block(scene: Scene, number: int, block: Block) -> None:
 def outside_container(scene: Scene, positions: np.ndarray, clearance: float) -> np.ndarray:
     """Which particles (N,) are closer than ``clearance`` meters to a wall, or outside."""
     lower, upper = np.array(scene.container.lower), np.array(scene.container.upper)
+    if scene.container.motion is not None:
+        positions = container_at_start(scene).to_own(positions)
     outside: np.ndarray = np.any((positions < lower + clearance) | (positions > upper - clearance), axis=1)
     return outside
+
+
+def container_at_start(scene: Scene) -> Pose:
+    """The pose of the container at the time at which the scene begins.
+
+    Raises:
+        InputError: the file of its poses is missing or unusable.
+    """
+    motion = scene.container.motion
+    return Pose.of() if motion is None else motion.pose_function(Pose.of(), scene.base_folder)(scene.start_time)
+
+
+def out_of_moved(pose: Pose) -> str:
+    """The end of a message about water outside a container that moves."""
+    x, y, z = pose.position
+    turn = math.degrees(float(np.linalg.norm(quaternion.logarithm(pose.rotation))))
+    return (
+        f"outside the container, or to its wall, where its motion has it at the start: moved by ({x:.3g}, {y:.3g}, "
+        f"{z:.3g}) m and rotated by {turn:.3g} degrees; move the water or the container"
+    )
 
 
 def check_file(scene: Scene, source: str, found: FileParticles, surface: Surface | None) -> None:

@@ -45,6 +45,10 @@ class MovingBody:
         self.solid = solid
         self.box = solid.surface.bounds().detach().cpu().numpy().astype(np.float32)
 
+    def __getstate__(self) -> dict[str, object]:
+        """The attributes alone: cached native objects can be neither copied nor pickled."""
+        return {"solid": self.solid, "box": self.box}
+
     @cached_property
     def boundary_map(self) -> native.BoundaryMap:
         """The boundary volume map of the whole solid."""

@@ -1,4 +1,8 @@
-"""A frame among solids that move, in one piece or in several."""
+"""A frame among solids that move, in one piece or in several.
+
+The number of pieces follows from the motion of the solids alone. Fast water gets no more substeps here, as it would
+among solids that stand still (:mod:`surfsup.sph.fast_frames`): in a gap that closes they made squeezed water faster.
+"""
 
 from __future__ import annotations
 

@@ -119,8 +119,6 @@ class NativeSolver:
         record: tuple[np.ndarray, ...] | None,
         part: FramePart = WHOLE_FRAME,
     ) -> NativeFrame:
-        if part not in self.solvers:
-            self.solvers[part] = native.Solver(solver_parameters(part))
         positions, velocities = state.positions.contiguous().numpy(), state.velocities.contiguous().numpy()
         count = len(positions)
         query_positions, query_distance = self._last_query(environment, count)
@@ -130,7 +128,7 @@ class NativeSolver:
         moving = None
         if environment.motion is not None:
             moving = environment.motion.native(*self._last_moving_queries(environment, count))
-        result = self.solvers[part].step(
+        result = self._solver(part).step(
             positions=positions,
             velocities=velocities,
             gravity=environment.gravity.numpy(),
@@ -162,6 +160,12 @@ class NativeSolver:
             result.finished,
             result.solid_work,
         )
+
+    def _solver(self, part: FramePart) -> native.Solver:
+        """The solver of a part of a frame. Buffers are large, so only those of the latest part are kept."""
+        if part not in self.solvers:
+            self.solvers = {WHOLE_FRAME: self.solvers[WHOLE_FRAME], part: native.Solver(solver_parameters(part))}
+        return self.solvers[part]
 
     def _last_moving_queries(self, environment: Environment, count: int) -> tuple[np.ndarray, np.ndarray]:
         """Where ``count`` particles last queried what moves and the distances there; the step updates them."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Mapping
+from copy import copy
 
 from surfsup.errors import InputError
 from surfsup.scene import PARTICLE_RADIUS, Scene
@@ -35,17 +36,17 @@ class SceneMotion:
         self._overrides: dict[str, PoseFunction] = {}
         self.solids = build_solids(scene)
 
-    def override(self, name: str, motion: PoseFunction) -> bool:
-        """Replace the motion of a surface or of the container. Returns whether it could move before.
+    def overridden(self, name: str, motion: PoseFunction) -> SceneMotion:
+        """A copy with another motion of a surface or of the container; with the same solids if that moved before.
 
         Raises:
             InputError: there is none of that name.
         """
-        moved = name in self.solids.poses(0.0)
-        if not moved:
-            self.solids = build_solids(self._scene, [*self._overrides, name])
-        self._overrides[name] = motion
-        return moved
+        changed = copy(self)
+        if name not in self.solids.poses(0.0):
+            changed.solids = build_solids(self._scene, [*self._overrides, name])
+        changed._overrides = {**self._overrides, name: motion}
+        return changed
 
     def next_poses(self, poses: Mapping[str, Pose], time: float) -> Mapping[str, Pose]:
         """The poses at ``time`` in seconds of all that moves.

@@ -11,7 +11,8 @@ import torch
 from scipy.spatial import cKDTree
 
 from surfsup.scene import SPACING, InitialParticles, Scene
-from surfsup.scene.solids import Solids
+from surfsup.scene.solids import Solids, constant
+from surfsup.scene.start import container_at_start
 from surfsup.scene.strict_model import Vector
 from surfsup.sdf import Surface
 from surfsup.sph.environment import Environment
@@ -46,7 +47,9 @@ def start_of(scene: Scene, surface: Surface | None) -> InitialParticles:
         return start
     units = scene.units
     solid = units.surface_to_solver(surface)
-    environment = Environment.of(units.scene_to_solver(scene), solid, solids=Solids(solid))  # nothing moves meanwhile
+    container = None if scene.container.motion is None else constant(units.pose_to_solver(container_at_start(scene)))
+    solids = Solids(solid, container=container)  # nothing moves meanwhile
+    environment = Environment.of(units.scene_to_solver(scene), solid, solids=solids)
     return units.particles_from_solver(settled(units.particles_to_solver(start), environment, units.velocity))
 
 

@@ -51,7 +51,8 @@ class Observation:
 class DfsphSolver(Simulator[ParticleState]):
     """Advances particles by frames of 0.005 s with five DFSPH substeps each (:mod:`surfsup.sph.dfsph`).
 
-    In C++ a frame of very fast water has a multiple of five substeps (:mod:`surfsup.sph.fast_frames`).
+    In C++ a frame of very fast water has a multiple of five substeps (:mod:`surfsup.sph.fast_frames`), but not where
+    something moves: there the speed of the solids alone cuts a frame (:mod:`surfsup.sph.moving_step`).
 
     Runs in C++ on CPUs in single precision where no gradient is needed, and in Warp otherwise: with gradients in
     positions, velocities and the shape of the solid, in double precision, on GPUs, and on CPUs without the C++ code.
