@@ -31,7 +31,7 @@ class Heavy(Tiny):
     """Gravity so strong that the water falls through the floor within one or two substeps of the solver."""
 
     name = "heavy"
-    gravity = -1e6
+    gravity = -1e4
 
 
 class Mixed(Recipe):

@@ -81,7 +81,7 @@ def test_files_of_version_0_1_load(tmp_path):
 
 def test_only_a_single_shape_needs_no_name():
     assert shapes(1).code().shape == (5,)
-    with pytest.raises(InputError, match="holds 3 shapes; choose one by its name, as 'stool'"):
+    with pytest.raises(InputError, match="holds 3 shapes; choose one by its name, as in --shape stool"):
         shapes().code()
     with pytest.raises(InputError, match="has no shape 'chiar'; did you mean 'chair'"):
         shapes().code("chiar")
