@@ -85,10 +85,12 @@ def test_an_unphysical_scene_is_replaced_by_the_next_draw_and_its_reason_recorde
     (path,) = generate("mixed", tmp_path, 1, seed=seed)
     with Trajectory(path) as trajectory:
         assert trajectory.scene.to_yaml() == SceneSampler("mixed", seed).scene(0, attempt=2).to_yaml()
-    reason = "a particle flew at 50 m/s, past its neighbors in a step of the solver"
-    assert GenerationRecord.read(path).rejections == [reason] * 2
+    reasons = GenerationRecord.read(path).rejections
+    assert [re.match("a particle (left the container|flew at 50 m/s)", reason) is not None for reason in reasons] == [
+        True
+    ] * 2
     assert yaml.safe_load((tmp_path / "dataset.yaml").read_text())["rejected"] == [
-        {"scene": 0, "attempt": attempt, "reason": reason} for attempt in range(2)
+        {"scene": 0, "attempt": attempt, "reason": reason} for attempt, reason in enumerate(reasons)
     ]
     assert (tmp_path / "discarded").read_text().split() == ["-10000.0"] * 2
     assert not list(tmp_path.glob(".*.partial"))
@@ -96,7 +98,9 @@ def test_an_unphysical_scene_is_replaced_by_the_next_draw_and_its_reason_recorde
 
 @needs_solver
 def test_an_index_without_a_valid_scene_is_an_error_and_the_other_scenes_are_made(tmp_path):
-    with pytest.raises(SimulationError, match="scene 1: 5 in a row were rejected, the last because a particle flew"):
+    with pytest.raises(
+        SimulationError, match="scene 1: 5 in a row were rejected, the last because a particle (left|flew)"
+    ):
         seed = next(
             seed
             for seed in range(1000)
