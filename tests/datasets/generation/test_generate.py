@@ -99,7 +99,7 @@ def test_an_unphysical_scene_is_replaced_by_the_next_draw_and_its_reason_recorde
 @needs_solver
 def test_an_index_without_a_valid_scene_is_an_error_and_the_other_scenes_are_made(tmp_path):
     with pytest.raises(
-        SimulationError, match="scene 1: 5 in a row were rejected, the last because a particle (left|flew)"
+        SimulationError, match=r"scene 1: 5 in a row were rejected, the last because a particle (left|flew)"
     ):
         seed = next(
             seed
