@@ -74,6 +74,7 @@ def microseconds_per_particle(case: Case) -> float:
 def draw(cases: dict[str, list[Case]], path: Path) -> None:
     """Time of a frame and memory over the number of particles, both scales logarithmic."""
     import matplotlib.pyplot as plt
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
     figure, (time, memory) = plt.subplots(1, 2, figsize=(10, 4), constrained_layout=True)
     for name, rows in cases.items():
@@ -83,6 +84,10 @@ def draw(cases: dict[str, list[Case]], path: Path) -> None:
     time.set(xlabel="particles", ylabel="ms for a frame of 5 ms", xscale="log", yscale="log")
     memory.set(xlabel="particles", ylabel="peak memory, GB", xscale="log", yscale="log")
     for axes in (time, memory):
+        for axis in (axes.xaxis, axes.yaxis):
+            axis.set_major_locator(LogLocator(subs=(1, 2, 5) if axis is axes.yaxis else (1, 3)))
+            axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:,.7g}"))
+            axis.set_minor_formatter(NullFormatter())
         axes.grid(alpha=0.3)
         axes.legend()
     figure.savefig(path, dpi=120)

@@ -41,9 +41,12 @@ def forward() -> None:
 
 
 def both() -> None:
-    """The same with the gradients of weights and positions."""
-    chosen.requires_grad_().zero_grad()
-    after, _ = chosen.step(state, environment)
+    """The same with the gradients of positions and, where there are any, of weights."""
+    if isinstance(chosen, torch.nn.Module):
+        chosen.requires_grad_().zero_grad()
+    positions = torch.from_numpy(given["positions"]).requires_grad_()
+    before = chosen.initial_state(positions, torch.from_numpy(given["velocities"]), environment)
+    after, _ = chosen.step(before, environment)
     after.positions.square().mean().backward()
 
 
