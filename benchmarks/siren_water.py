@@ -22,10 +22,9 @@ from surfsup.evaluation.evaluate import evaluate_trajectory
 from surfsup.evaluation.scores import ALL
 from surfsup.io.trajectory import Provenance, TrajectoryWriter
 from surfsup.learned.loading import DEFAULT_SIMULATOR, load_simulator
-from surfsup.scene import InitialParticles, Scene
+from surfsup.scene import Container, InitialParticles, Scene
 from surfsup.scene.fluid import Block
 from surfsup.scene.from_surface import Placement, scene_from_surface
-from surfsup.scene.scene import Container
 from surfsup.simulation import Simulation
 from surfsup.sph.simulator import Simulator
 from surfsup.splishsplash import solver

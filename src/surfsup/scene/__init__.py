@@ -1,10 +1,11 @@
-"""Scenes: a surface and blocks of fluid in a container."""
+"""Scenes: surfaces and fluid in a container."""
 
+from surfsup.scene.container import WALL_CELL, Container
 from surfsup.scene.fill import Fill
 from surfsup.scene.fluid import NEAR_SURFACE_DISTANCE, PARTICLE_RADIUS, SPACING, Block, Fluid, InitialParticles
 from surfsup.scene.mesh_surface import load_mesh
 from surfsup.scene.particle_file import ParticleFile
-from surfsup.scene.scene import WALL_CELL, Container, Scene
+from surfsup.scene.scene import Scene
 from surfsup.scene.shapes import Shape
 from surfsup.scene.start import SURFACE_CLEARANCE, WALL_CLEARANCE
 from surfsup.scene.units import FRAME_TIME, Units

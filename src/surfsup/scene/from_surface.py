@@ -11,8 +11,9 @@ import numpy as np
 
 from surfsup import sdf
 from surfsup.errors import InputError
+from surfsup.scene.container import Container
 from surfsup.scene.fluid import PARTICLE_RADIUS, Block
-from surfsup.scene.scene import Container, Scene
+from surfsup.scene.scene import Scene
 from surfsup.scene.shapes import DeepSdfShape, MeshShape, Rotation, Shape, SirenShape
 from surfsup.sdf.neural import surface_file
 from surfsup.sdf.neural.shipped_surfaces import is_shipped

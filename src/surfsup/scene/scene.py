@@ -13,10 +13,10 @@ from pydantic import Field, GetPydanticSchema, PrivateAttr, ValidationError, fie
 from pydantic_core import core_schema
 
 from surfsup.errors import InputError
+from surfsup.scene.container import Container
 from surfsup.scene.fill import Fill
 from surfsup.scene.fluid import PARTICLE_RADIUS, Block, Fluid, InitialParticles
 from surfsup.scene.mesh_surface import MeshFileSurface
-from surfsup.scene.motion import Motion
 from surfsup.scene.particle_file import ParticleFile, end_time
 from surfsup.scene.safe_yaml import parse_yaml
 from surfsup.scene.shapes import KINDS, Shape
@@ -29,51 +29,6 @@ from surfsup.sdf import Surface
 from surfsup.sdf.neural.shipped_surfaces import is_shipped
 
 MIN_RADIUS, MAX_RADIUS = 1e-3, 0.1  # meters
-WALL_CELL = 0.05  # meters, approximately: cell size of the walls' boundary volume maps
-OPEN = 1e5  # meters: where the walls of an open container are
-
-
-class Container(StrictModel):
-    """The box around everything: x and y centered on 0, floor at z = 0, sides ``size`` in meters.
-
-    Attributes:
-        size: sides, meters.
-        open: no walls; ``size`` is then what pictures show.
-        motion: how the box moves; None if it stands still.
-
-    Examples:
-        >>> Container(size=(2, 1, 1)).lower
-        (-1.0, -0.5, 0.0)
-    """
-
-    size: tuple[Length, Length, Length] = (1.0, 1.0, 2.0)
-    open: bool = False
-    motion: Motion | None = None
-
-    @model_validator(mode="before")
-    @classmethod
-    def accept_none(cls, values: Any) -> Any:
-        """Take ``none`` for a container without walls."""
-        return {"open": True} if isinstance(values, str) and values == "none" else values
-
-    @model_validator(mode="after")
-    def check_motion(self) -> Container:
-        """Refuse the motion of walls that are not there."""
-        if self.open and self.motion is not None:
-            raise ValueError("an open container has no walls that could move; omit its motion")
-        return self
-
-    @property
-    def lower(self) -> tuple[float, float, float]:
-        """The corner with the smallest coordinates, meters."""
-        return (-OPEN, -OPEN, -OPEN) if self.open else (-self.size[0] / 2, -self.size[1] / 2, 0.0)
-
-    @property
-    def upper(self) -> tuple[float, float, float]:
-        """The corner with the largest coordinates, meters."""
-        return (OPEN, OPEN, OPEN) if self.open else (self.size[0] / 2, self.size[1] / 2, self.size[2])
-
-
 STANDARD_CONTAINER = Container()
 
 

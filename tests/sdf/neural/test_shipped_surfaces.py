@@ -6,9 +6,8 @@ import pytest
 import torch
 
 from surfsup.errors import InputError
-from surfsup.scene import Scene
+from surfsup.scene import Container, Scene
 from surfsup.scene.from_surface import Placement, scene_from_surface
-from surfsup.scene.scene import Container
 from surfsup.sdf import load_deepsdf, load_siren, shipped_surfaces, surface_path
 from surfsup.sdf.neural.shipped_surfaces import path_from
 
