@@ -10,6 +10,7 @@ import pyvista
 
 from surfsup.exporting.export import export
 from surfsup.io.trajectory import POSES, Provenance, TrajectoryWriter
+from surfsup.native.dispatch import is_built
 from surfsup.scene import Scene
 from surfsup.simulation import Simulation
 from surfsup.viewing.trajectory_pictures import write_trajectory_page
@@ -25,6 +26,8 @@ frames: 51
 
 @pytest.fixture(scope="module")
 def spin(tmp_path_factory) -> Path:
+    if not is_built():
+        pytest.skip("moving solids run in the C++ code")
     path = tmp_path_factory.mktemp("spin") / "spin.h5"
     Simulation(Scene.from_yaml(SPIN, "test", Path()), device="cpu").record(path)
     return path

@@ -153,7 +153,7 @@ def arguments(width=16, nodes=2) -> dict:
         "kept": None,
         "received": np.zeros((2, width), np.float32),
         "new_edges": None,
-        "isa": native.instruction_sets()[0],
+        "isa": next(iter(native.instruction_sets()), "none"),
         "threads": 1,
     }
 
