@@ -97,7 +97,7 @@ def test_an_unknown_simulator_is_refused_before_the_folder_exists(tmp_path):
 def test_the_other_worker_of_a_scheduler_repeats_the_case_of_a_killed_one(tmp_path, cluster):  # noqa: F811
     scene, out = tmp_path / "drop.yaml", tmp_path / "out"
     scene.write_text(SCENE)
-    command = [sys.executable, "-m", "surfsup.cli", "sweep", scene, "--vary", "frames=300,301,302", "-o", out]
+    command = [sys.executable, "-m", "surfsup.cli", "sweep", scene, "--vary", "frames=3000,3001,3002", "-o", out]
     options = ["--scheduler", cluster.address, "--no-pictures"]
     running = subprocess.Popen([*map(str, command), *options], stderr=subprocess.PIPE, text=True)
     while running.poll() is None and len(list(out.glob(".*.partial"))) < 2:
@@ -110,7 +110,7 @@ def test_the_other_worker_of_a_scheduler_repeats_the_case_of_a_killed_one(tmp_pa
         "drop-0", "drop-1", "drop-2", "sweep.json", *sorted(path.name for path in out.glob("table.*")),
     ]  # fmt: skip
     assert [json.loads((out / f"drop-{number}" / "result.json").read_text())["frames"] for number in range(3)] == [
-        300, 301, 302,
+        3000, 3001, 3002,
     ]  # fmt: skip
 
 
