@@ -39,6 +39,7 @@ if TYPE_CHECKING:
         Union,
     )
     from surfsup.simulation import Frame, Simulation, SimulationState
+    from surfsup.viewing.notebook import show
     from surfsup.worlds import Worlds
 
 # The public names and their modules, which are imported when a name is first used: `import surfsup` alone is fast.
@@ -53,6 +54,7 @@ _MODULES = {
     **dict.fromkeys(("Intersection", "Sphere", "Surface", "Torus", "Transformed", "Union"), "sdf"),
     **dict.fromkeys(("Frame", "Simulation", "SimulationState"), "simulation"),
     "Worlds": "worlds",
+    "show": "viewing.notebook",
 }
 
 __all__ = [
@@ -88,6 +90,7 @@ __all__ = [
     "evaluate",
     "export",
     "load_mesh",
+    "show",
 ]
 
 
