@@ -13,6 +13,7 @@ import typer
 
 from surfsup import __version__
 from surfsup.cli.compare import compare
+from surfsup.cli.convert import convert
 from surfsup.cli.design import design
 from surfsup.cli.doctor import doctor
 from surfsup.cli.evaluate import evaluate
@@ -38,8 +39,9 @@ app = typer.Typer(
     rich_markup_mode=None,
 )
 
-VERBS = (simulate, sweep, reference, generate, floor, train, evaluate, compare, design, view, render, export, doctor)
-for verb in VERBS:
+WATER = (simulate, sweep, reference, compare, view, render, export, convert)
+LEARNING = (generate, floor, train, evaluate, design)
+for verb in (*WATER, *LEARNING, doctor):
     app.command()(expand_option_groups(verb))
 app.add_typer(fit, name="fit")
 
