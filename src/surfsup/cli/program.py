@@ -17,6 +17,7 @@ from surfsup.cli.convert import convert
 from surfsup.cli.design import design
 from surfsup.cli.doctor import doctor
 from surfsup.cli.evaluate import evaluate
+from surfsup.cli.examples import examples
 from surfsup.cli.export import export
 from surfsup.cli.fit import fit
 from surfsup.cli.generate import floor, generate
@@ -34,12 +35,11 @@ from surfsup.errors import InputError, Interrupted, SimulationError
 app = typer.Typer(
     name="surfsup",
     help="Pour water on any surface.",
-    add_completion=False,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
 
-WATER = (simulate, sweep, reference, compare, view, render, export, convert)
+WATER = (simulate, examples, sweep, reference, compare, view, render, export, convert)
 LEARNING = (generate, floor, train, evaluate, design)
 for verb in (*WATER, *LEARNING, doctor):
     app.command()(expand_option_groups(verb))
