@@ -39,6 +39,8 @@ if TYPE_CHECKING:
         Union,
     )
     from surfsup.simulation import Frame, Simulation, SimulationState
+    from surfsup.viewing.notebook import show
+    from surfsup.worlds import Worlds
 
 # The public names and their modules, which are imported when a name is first used: `import surfsup` alone is fast.
 _MODULES = {
@@ -51,6 +53,8 @@ _MODULES = {
     **dict.fromkeys(("Bowl", "Box", "CappedCone", "Cylinder", "Difference", "Funnel", "Heightfield"), "sdf"),
     **dict.fromkeys(("Intersection", "Sphere", "Surface", "Torus", "Transformed", "Union"), "sdf"),
     **dict.fromkeys(("Frame", "Simulation", "SimulationState"), "simulation"),
+    "Worlds": "worlds",
+    "show": "viewing.notebook",
 }
 
 __all__ = [
@@ -81,12 +85,14 @@ __all__ = [
     "Trajectory",
     "Transformed",
     "Union",
+    "Worlds",
     "__version__",
     "datasets",
     "design",
     "evaluate",
     "export",
     "load_mesh",
+    "show",
 ]
 
 

@@ -13,9 +13,11 @@ import typer
 
 from surfsup import __version__
 from surfsup.cli.compare import compare
+from surfsup.cli.convert import convert
 from surfsup.cli.design import design
 from surfsup.cli.doctor import doctor
 from surfsup.cli.evaluate import evaluate
+from surfsup.cli.examples import examples
 from surfsup.cli.export import export
 from surfsup.cli.fit import fit
 from surfsup.cli.generate import floor, generate
@@ -24,6 +26,7 @@ from surfsup.cli.options import split_vectors
 from surfsup.cli.reference import reference
 from surfsup.cli.simulate import simulate
 from surfsup.cli.status import BAD_INPUT, FAULT, INTERRUPTED
+from surfsup.cli.sweep import sweep
 from surfsup.cli.train import train
 from surfsup.cli.view import render, view
 from surfsup.cli.warning_lines import one_line_warnings
@@ -32,12 +35,13 @@ from surfsup.errors import InputError, Interrupted, SimulationError
 app = typer.Typer(
     name="surfsup",
     help="Pour water on any surface.",
-    add_completion=False,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
 
-for verb in (simulate, reference, generate, floor, train, evaluate, compare, design, view, render, export, doctor):
+WATER = (simulate, examples, sweep, reference, compare, view, render, export, convert)
+LEARNING = (generate, floor, train, evaluate, design)
+for verb in (*WATER, *LEARNING, doctor):
     app.command()(expand_option_groups(verb))
 app.add_typer(fit, name="fit")
 

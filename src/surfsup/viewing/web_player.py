@@ -5,7 +5,7 @@ instead of water, and has 2 MB of code before the first particle.
 """
 
 import base64
-import json
+import html
 from collections.abc import Callable, Sequence
 from importlib.resources import files
 from pathlib import Path
@@ -15,7 +15,7 @@ import trimesh
 from isal import igzip
 
 from surfsup.viewing.camera import FIELD_OF_VIEW, fit_camera, picture_scale
-from surfsup.viewing.html_page import write_html
+from surfsup.viewing.html_page import script_json, write_html
 from surfsup.viewing.moving_mesh import MovingMesh, bounds_of, scaled_poses
 
 _MAX_BYTES = 10_000_000  # of positions before compression, which halves them
@@ -35,6 +35,8 @@ def write_web_player(
     moving: Sequence[MovingMesh] = (),
     container_poses: np.ndarray | None = None,
     is_open: bool = False,
+    title: str = "surfsup",
+    simulator: str = "",
     focus: np.ndarray | None = None,
 ) -> None:
     """Write the page that plays ``positions`` at ``path``.
@@ -53,6 +55,8 @@ def write_web_player(
         moving: the solids that move.
         container_poses: (frames, 7) of a container that moves.
         is_open: whether the container has no walls; then its edges are not drawn.
+        title: of the page.
+        simulator: the name of what made the trajectory, shown beside the title with the number of particles.
         focus: points (N, 3) that the camera shows, meters; by default the particles of the first frame.
 
     Raises:
@@ -63,7 +67,10 @@ def write_web_player(
         raise ValueError(f"positions must be (frames, particles, 3), none of them 0; they are {positions.shape}")
     scale = picture_scale(container_size, particle_radius)
     focus = positions[0] if focus is None else focus
+    count = positions.shape[1]
     positions, stride = _subsample(positions)
+    shown = "" if positions.shape[1] == count else f", {positions.shape[1]:,} of them shown"
+    caption = " · ".join([title, *([simulator] if simulator else []), f"{count:,} particles{shown}"])
     if scale != 1:
         focus = scale * focus
         positions = scale * positions
@@ -98,7 +105,9 @@ def write_web_player(
     path.parent.mkdir(parents=True, exist_ok=True)
     values = {
         "SCRIPT": (pages / "player.js").read_text(encoding="utf-8"),
-        "HEADER": json.dumps(header),
+        "HEADER": script_json(header),
+        "TITLE": html.escape(title),
+        "CAPTION": html.escape(caption),
         "DATA": base64.b64encode(igzip.compress(body, 3, mtime=0)).decode(),
     }
     write_html(path, pages / "player.html", values)
