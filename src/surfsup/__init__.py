@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from surfsup.io.trajectory import Trajectory
     from surfsup.scene import Block, Container, Fill, ParticleFile, Scene, load_mesh
     from surfsup.scene.pose import Pose
+    from surfsup.scene.wrench import Wrench
     from surfsup.sdf import (
         Bowl,
         Box,
@@ -48,6 +49,7 @@ _MODULES = {
     "export": "exporting.export",
     **dict.fromkeys(("Block", "Container", "Fill", "ParticleFile", "Scene", "load_mesh"), "scene"),
     "Pose": "scene.pose",
+    "Wrench": "scene.wrench",
     **dict.fromkeys(("Bowl", "Box", "CappedCone", "Cylinder", "Difference", "Funnel", "Heightfield"), "sdf"),
     **dict.fromkeys(("Intersection", "Sphere", "Surface", "Torus", "Transformed", "Union"), "sdf"),
     **dict.fromkeys(("Frame", "Simulation", "SimulationState"), "simulation"),
@@ -79,6 +81,7 @@ __all__ = [
     "Trajectory",
     "Transformed",
     "Union",
+    "Wrench",
     "__version__",
     "datasets",
     "design",

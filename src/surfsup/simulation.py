@@ -17,14 +17,18 @@ from surfsup.learned.loading import DEFAULT_SIMULATOR, load_simulator
 from surfsup.scene import FRAME_TIME, InitialParticles, Scene
 from surfsup.scene.pose import NO_ROTATION, Pose, between
 from surfsup.scene.solids import Solids
+from surfsup.scene.wrench import Wrench
 from surfsup.sph.collision import resolve_collisions
 from surfsup.sph.device import choose_device
 from surfsup.sph.environment import Environment
 from surfsup.sph.interpolation import ROUNDING, hermite
+from surfsup.sph.mean_forces import MeanForces
 from surfsup.sph.moving import FrameMotion, MovingSolids
 from surfsup.sph.scene_motion import SceneMotion, warn_jumps
 from surfsup.sph.settle import start_of
 from surfsup.sph.simulator import FluidState, Simulator
+
+NO_FORCES: Mapping[str, Wrench] = {}
 
 
 @dataclass(frozen=True)
@@ -36,6 +40,8 @@ class Frame:
         positions: (N, 3) float32, meters.
         velocities: (N, 3) float32, m/s.
         poses: of the solids that move, and of a container that moves, by name.
+        forces: force and torque of the fluid on the solids that the scene names under ``forces``, mean over the time
+            since the frame before. The first frame has none.
 
     Examples:
         >>> import surfsup as sf
@@ -49,6 +55,7 @@ class Frame:
     positions: np.ndarray
     velocities: np.ndarray
     poses: Mapping[str, Pose] = field(default_factory=dict)
+    forces: Mapping[str, Wrench] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -60,6 +67,7 @@ class SimulationState:
         fluid: the simulator's own state, with tensors ``positions`` and ``velocities`` (N, 3), in the units of the
             simulator (:class:`surfsup.scene.Units`); with particles of 15 mm these are meters and m/s.
         poses: of all that moves, by name, in the units of the scene.
+        forces: on the solids in the last step, mean, by name, in the units of the scene.
 
     Examples:
         >>> import surfsup as sf
@@ -74,6 +82,7 @@ class SimulationState:
     frame: int
     fluid: FluidState
     poses: Mapping[str, Pose] = field(default_factory=dict)
+    forces: Mapping[str, Wrench] = field(default_factory=dict)
 
 
 class Simulation:
@@ -121,7 +130,9 @@ class Simulation:
         self.name = simulator if isinstance(simulator, str) else type(simulator).__name__
         if isinstance(simulator, str):
             simulator, _ = load_simulator(simulator)
-        self._device = choose_device("cpu" if device is None and scene.moves else device)
+        self._device = choose_device("cpu" if device is None and scene.needs_native else device)
+        if scene.forces and not simulator.measures_forces:
+            raise InputError(f"{self.name} computes no forces on solids; use the simulator dfsph, or omit 'forces'")
         self._simulator = simulator.to(self._device)
         self._units, self._start_time = scene.units, scene.start_time
         self.motion = SceneMotion(scene)
@@ -150,7 +161,8 @@ class Simulation:
     @property
     def frame(self) -> Frame:
         """The particles now."""
-        return self._as_frame(self.time, self._state.fluid.positions, self._state.fluid.velocities, self._state.poses)
+        state = self._state
+        return self._as_frame(self.time, state.fluid.positions, state.fluid.velocities, state.poses, state.forces)
 
     def reset(self, state: SimulationState | None = None) -> None:
         """Return to an earlier state of this simulation, or of one of the same scene; by default to the start.
@@ -187,8 +199,12 @@ class Simulation:
             motion = self._motion_between(environment.moving, self._state.poses, poses)
             warn_jumps(motion, number, self._units)
             environment = environment.moved(motion)
+        if self.scene.forces:
+            environment = environment.measured()
         fluid, _ = self._simulator.step(self._state.fluid, environment, self.handle_collisions)
-        self._state = SimulationState(number, fluid, poses)
+        impulses = environment.impulses
+        forces = {} if impulses is None else impulses.wrenches(self._units, self.scene.density)
+        self._state = SimulationState(number, fluid, poses, forces)
         return self.frame
 
     def set_pose(
@@ -269,16 +285,20 @@ class Simulation:
         count = len(self._state.fluid.positions)
         with TrajectoryWriter(Path(path), self.scene, Provenance(self.name), count, start_time=self.time) as writer:
             for frame in frames:
-                writer.append(frame.positions, frame.velocities, frame.poses)
+                writer.append(frame.positions, frame.velocities, frame.poses, frame.forces)
 
     def _frames(self, first: int, steps: float, interval: float) -> Iterator[Frame]:
-        before = self._state
+        before, means = self._state, MeanForces()
         for number in range(math.ceil(steps / interval - ROUNDING)):
             target = first + number * interval
             while self._state.frame < target - ROUNDING:
                 before = self._state
                 self.step()
-            yield self._between(before, target)
+                means.add(self._state.frame, self._state.forces)
+            frame = self._between(before, target)
+            yield (
+                frame if number == 0 else replace(frame, forces=self._requested(means.mean(target - interval, target)))
+            )
         while self._state.frame < first + steps - ROUNDING:
             self.step()
 
@@ -307,9 +327,19 @@ class Simulation:
         before, after = ({name: self._units.pose_to_solver(pose) for name, pose in of.items()} for of in (start, end))
         return moving.between(before, after, part * FRAME_TIME)
 
+    def _requested(self, forces: Mapping[str, Wrench]) -> Mapping[str, Wrench]:
+        """The forces on the solids that the scene names."""
+        names = self.scene.solid_names if self.scene.forces == "all" else self.scene.forces
+        return {name: forces[name] for name in names if name in forces}
+
     def _as_frame(
-        self, time: float, positions: torch.Tensor, velocities: torch.Tensor, poses: Mapping[str, Pose]
+        self,
+        time: float,
+        positions: torch.Tensor,
+        velocities: torch.Tensor,
+        poses: Mapping[str, Pose],
+        forces: Mapping[str, Wrench] = NO_FORCES,
     ) -> Frame:
         """A frame with copies of the particles as NumPy arrays, in the units of the scene."""
         arrays = (values.detach().float().cpu().numpy().copy() for values in (positions, velocities))
-        return Frame(time, *self._units.frame_from_solver(*arrays), poses)
+        return Frame(time, *self._units.frame_from_solver(*arrays), poses, self._requested(forces))

@@ -18,6 +18,7 @@ from surfsup.cli.doctor import doctor
 from surfsup.cli.evaluate import evaluate
 from surfsup.cli.export import export
 from surfsup.cli.fit import fit
+from surfsup.cli.forces import forces
 from surfsup.cli.generate import floor, generate
 from surfsup.cli.option_groups import expand_option_groups
 from surfsup.cli.options import split_vectors
@@ -37,7 +38,21 @@ app = typer.Typer(
     rich_markup_mode=None,
 )
 
-for verb in (simulate, reference, generate, floor, train, evaluate, compare, design, view, render, export, doctor):
+for verb in (
+    simulate,
+    reference,
+    generate,
+    floor,
+    train,
+    evaluate,
+    compare,
+    design,
+    view,
+    render,
+    forces,
+    export,
+    doctor,
+):
     app.command()(expand_option_groups(verb))
 app.add_typer(fit, name="fit")
 

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+import warnings
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from surfsup.cli.output_options import OutputOptions
 from surfsup.cli.progress import progress_bar
 from surfsup.cli.scene_options import SceneOptions
+
+if TYPE_CHECKING:
+    from surfsup.scene.wrench import Wrench
 
 
 def reference(
@@ -29,14 +33,17 @@ def reference(
     from surfsup.splishsplash.compressed_start import warn_compressed_start
 
     scene = scene_options.read()
+    if scene.forces:
+        warnings.warn("the reference records no forces on solids; the solver dfsph does", stacklevel=1)
     solids = build_solids(scene)
     start_time = scene.start_time
     particles = start_of(scene, solids.at_time(start_time))
     solver.check_installed()
     warn_compressed_start(scene, particles)
     folder = output.create_folder(scene_options.source, len(particles.positions), scene.frames)
+    no_forces: dict[str, Wrench] = {}
     frames = (
-        (*frame, solids.poses(start_time + number * scene.frame_time))
+        (*frame, solids.poses(start_time + number * scene.frame_time), no_forces)
         for number, frame in enumerate(solver.simulate(scene, solids.still, particles, threads))
     )
     with progress_bar("simulating with SPlisHSPlasH") as bar:

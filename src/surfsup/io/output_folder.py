@@ -18,6 +18,7 @@ from surfsup.io.trajectory import Provenance, TrajectoryWriter
 from surfsup.scene import Container, Scene
 from surfsup.scene.pose import Pose
 from surfsup.scene.solids import CONTAINER, Solids
+from surfsup.scene.wrench import Wrench
 
 BYTES_PER_VALUE = 4
 
@@ -93,7 +94,7 @@ class OutputFolder:
         self,
         scene: Scene,
         solids: Solids,
-        frames: Iterable[tuple[np.ndarray, np.ndarray, Mapping[str, Pose]]],
+        frames: Iterable[tuple[np.ndarray, np.ndarray, Mapping[str, Pose], Mapping[str, Wrench]]],
         provenance: Provenance,
         device: str,
         on_progress: Callable[[int, int], None],
@@ -105,7 +106,7 @@ class OutputFolder:
         Args:
             scene: the simulated scene.
             solids: its solids.
-            frames: positions and velocities (N, 3) of each frame, and the poses of what moves.
+            frames: positions and velocities (N, 3) of each frame, poses of what moves, and forces on solids.
             provenance: simulator, seed and version.
             device: device of the simulation, for the summary.
             on_progress: called after each frame with the numbers of finished frames and of all frames.
