@@ -40,6 +40,8 @@ if TYPE_CHECKING:
         Union,
     )
     from surfsup.simulation import Frame, Simulation, SimulationState
+    from surfsup.viewing.notebook import show
+    from surfsup.worlds import Worlds
 
 # The public names and their modules, which are imported when a name is first used: `import surfsup` alone is fast.
 _MODULES = {
@@ -53,6 +55,8 @@ _MODULES = {
     **dict.fromkeys(("Bowl", "Box", "CappedCone", "Cylinder", "Difference", "Funnel", "Heightfield"), "sdf"),
     **dict.fromkeys(("Intersection", "Sphere", "Surface", "Torus", "Transformed", "Union"), "sdf"),
     **dict.fromkeys(("Frame", "Simulation", "SimulationState"), "simulation"),
+    "Worlds": "worlds",
+    "show": "viewing.notebook",
 }
 
 __all__ = [
@@ -81,6 +85,7 @@ __all__ = [
     "Trajectory",
     "Transformed",
     "Union",
+    "Worlds",
     "Wrench",
     "__version__",
     "datasets",
@@ -88,6 +93,7 @@ __all__ = [
     "evaluate",
     "export",
     "load_mesh",
+    "show",
 ]
 
 

@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 import warnings
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from surfsup.cli.output_options import OutputOptions
 from surfsup.cli.progress import progress_bar
 from surfsup.cli.scene_options import SceneOptions
-
-if TYPE_CHECKING:
-    from surfsup.scene.wrench import Wrench
 
 
 def reference(
@@ -41,9 +38,8 @@ def reference(
     solver.check_installed()
     warn_compressed_start(scene, particles)
     folder = output.create_folder(scene_options.source, len(particles.positions), scene.frames)
-    no_forces: dict[str, Wrench] = {}
     frames = (
-        (*frame, solids.poses(start_time + number * scene.frame_time), no_forces)
+        (*frame, solids.poses(start_time + number * scene.frame_time))
         for number, frame in enumerate(solver.simulate(scene, solids.still, particles, threads))
     )
     with progress_bar("simulating with SPlisHSPlasH") as bar:

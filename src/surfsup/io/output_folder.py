@@ -21,6 +21,11 @@ from surfsup.scene.solids import CONTAINER, Solids
 from surfsup.scene.wrench import Wrench
 
 BYTES_PER_VALUE = 4
+# Positions and velocities (N, 3) of a frame, the poses of what moves, and the forces on solids if they are known.
+FrameValues = (
+    tuple[np.ndarray, np.ndarray, Mapping[str, Pose]]
+    | tuple[np.ndarray, np.ndarray, Mapping[str, Pose], Mapping[str, Wrench]]
+)
 
 
 @dataclass(frozen=True)
@@ -94,7 +99,7 @@ class OutputFolder:
         self,
         scene: Scene,
         solids: Solids,
-        frames: Iterable[tuple[np.ndarray, np.ndarray, Mapping[str, Pose], Mapping[str, Wrench]]],
+        frames: Iterable[FrameValues],
         provenance: Provenance,
         device: str,
         on_progress: Callable[[int, int], None],
@@ -106,7 +111,7 @@ class OutputFolder:
         Args:
             scene: the simulated scene.
             solids: its solids.
-            frames: positions and velocities (N, 3) of each frame, poses of what moves, and forces on solids.
+            frames: of the simulator.
             provenance: simulator, seed and version.
             device: device of the simulation, for the summary.
             on_progress: called after each frame with the numbers of finished frames and of all frames.

@@ -16,7 +16,7 @@ class Wrench(NamedTuple):
 
     Examples:
         >>> import surfsup as sf
-        >>> ball = sf.Shape(sphere={"radius": 0.15}, at=(0, 0, 0.15))
+        >>> ball = sf.Transformed(sf.Sphere(0.15), translation=(0, 0, 0.15))
         >>> water = [sf.Block((-0.1, -0.1, 0.35), (0.1, 0.1, 0.5))]
         >>> simulation = sf.Simulation(sf.Scene(surface=ball, fluid=water, forces="all"))
         >>> frames = list(simulation.run(seconds=0.3))
