@@ -18,15 +18,19 @@ from surfsup.scene import FRAME_TIME, InitialParticles, Scene
 from surfsup.scene.pose import NO_ROTATION, Pose, between
 from surfsup.scene.solids import Solids
 from surfsup.scene.tap_checks import check_taps_and_drains
+from surfsup.scene.wrench import Wrench
 from surfsup.sph.collision import resolve_collisions
 from surfsup.sph.device import choose_device
 from surfsup.sph.environment import Environment
 from surfsup.sph.interpolation import ROUNDING, hermite
+from surfsup.sph.mean_forces import MeanForces
 from surfsup.sph.moving import FrameMotion, MovingSolids
 from surfsup.sph.open_water import OpenState, Passages, WithTaps, common_particles
 from surfsup.sph.scene_motion import SceneMotion, warn_jumps
 from surfsup.sph.settle import start_of
 from surfsup.sph.simulator import FluidState, Simulator
+
+NO_FORCES: Mapping[str, Wrench] = {}
 
 
 @dataclass(frozen=True)
@@ -39,6 +43,8 @@ class Frame:
         velocities: (N, 3) float32, m/s.
         poses: of the solids that move, and of a container that moves, by name.
         ids: (N,) int64, ascending; a particle keeps its id. 0 to N - 1 where water neither enters nor leaves.
+        forces: force and torque of the fluid on the solids that the scene names under ``forces``, mean over the time
+            since the frame before. The first frame has none.
 
     Examples:
         >>> import surfsup as sf
@@ -53,6 +59,7 @@ class Frame:
     velocities: np.ndarray
     poses: Mapping[str, Pose] = field(default_factory=dict)
     ids: np.ndarray = field(default_factory=lambda: np.empty(0, np.int64))
+    forces: Mapping[str, Wrench] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -64,6 +71,7 @@ class SimulationState:
         fluid: the simulator's own state, with tensors ``positions`` and ``velocities`` (N, 3), in the units of the
             simulator (:class:`surfsup.scene.Units`); with particles of 15 mm these are meters and m/s.
         poses: of all that moves, by name, in the units of the scene.
+        forces: on the solids in the last step, mean, by name, in the units of the scene.
 
     Examples:
         >>> import surfsup as sf
@@ -78,6 +86,7 @@ class SimulationState:
     frame: int
     fluid: FluidState
     poses: Mapping[str, Pose] = field(default_factory=dict)
+    forces: Mapping[str, Wrench] = field(default_factory=dict)
 
 
 class Simulation:
@@ -125,7 +134,9 @@ class Simulation:
         self.name = simulator if isinstance(simulator, str) else type(simulator).__name__
         if isinstance(simulator, str):
             simulator, _ = load_simulator(simulator)
-        self._device = choose_device("cpu" if device is None and scene.moves else device)
+        self._device = choose_device("cpu" if device is None and scene.needs_native else device)
+        if scene.forces and not simulator.measures_forces:
+            raise InputError(f"{self.name} computes no forces on solids; use the simulator dfsph, or omit 'forces'")
         self._units, self._start_time = scene.units, scene.start_time
         self.motion = SceneMotion(scene)
         if scene.is_open:
@@ -157,8 +168,9 @@ class Simulation:
     @property
     def frame(self) -> Frame:
         """The particles now."""
-        fluid = self._state.fluid
-        return self._as_frame(self.time, fluid.positions, fluid.velocities, self._state.poses, ids_of(fluid))
+        state = self._state
+        fluid = state.fluid
+        return self._as_frame(self.time, fluid.positions, fluid.velocities, state.poses, ids_of(fluid), state.forces)
 
     def reset(self, state: SimulationState | None = None) -> None:
         """Return to an earlier state of this simulation, or of one of the same scene; by default to the start.
@@ -195,8 +207,12 @@ class Simulation:
             motion = self._motion_between(environment.moving, self._state.poses, poses)
             warn_jumps(motion, number, self._units)
             environment = environment.moved(motion)
+        if self.scene.forces:
+            environment = environment.measured()
         fluid, _ = self._simulator.step(self._state.fluid, environment, self.handle_collisions)
-        self._state = SimulationState(number, fluid, poses)
+        impulses = environment.impulses
+        forces = {} if impulses is None else impulses.wrenches(self._units, self.scene.density)
+        self._state = SimulationState(number, fluid, poses, forces)
         return self.frame
 
     def set_pose(
@@ -292,16 +308,20 @@ class Simulation:
         frames, count = self.run(seconds), self.most_ids(seconds)
         with TrajectoryWriter(Path(path), self.scene, Provenance(self.name), count, start_time=self.time) as writer:
             for frame in frames:
-                writer.append(frame.positions, frame.velocities, frame.poses, frame.ids)
+                writer.append(frame.positions, frame.velocities, frame.poses, frame.ids, frame.forces)
 
     def _frames(self, first: int, steps: float, interval: float) -> Iterator[Frame]:
-        before = self._state
+        before, means = self._state, MeanForces()
         for number in range(math.ceil(steps / interval - ROUNDING)):
             target = first + number * interval
             while self._state.frame < target - ROUNDING:
                 before = self._state
                 self.step()
-            yield self._between(before, target)
+                means.add(self._state.frame, self._state.forces)
+            frame = self._between(before, target)
+            yield (
+                frame if number == 0 else replace(frame, forces=self._requested(means.mean(target - interval, target)))
+            )
         while self._state.frame < first + steps - ROUNDING:
             self.step()
 
@@ -333,6 +353,11 @@ class Simulation:
         before, after = ({name: self._units.pose_to_solver(pose) for name, pose in of.items()} for of in (start, end))
         return moving.between(before, after, part * FRAME_TIME)
 
+    def _requested(self, forces: Mapping[str, Wrench]) -> Mapping[str, Wrench]:
+        """The forces on the solids that the scene names."""
+        names = self.scene.solid_names if self.scene.forces == "all" else self.scene.forces
+        return {name: forces[name] for name in names if name in forces}
+
     def _as_frame(
         self,
         time: float,
@@ -340,10 +365,11 @@ class Simulation:
         velocities: torch.Tensor,
         poses: Mapping[str, Pose],
         ids: np.ndarray,
+        forces: Mapping[str, Wrench] = NO_FORCES,
     ) -> Frame:
         """A frame with copies of the particles as NumPy arrays, in the units of the scene."""
         arrays = (values.detach().float().cpu().numpy().copy() for values in (positions, velocities))
-        return Frame(time, *self._units.frame_from_solver(*arrays), poses, ids)
+        return Frame(time, *self._units.frame_from_solver(*arrays), poses, ids, self._requested(forces))
 
 
 def ids_of(fluid: FluidState) -> np.ndarray:

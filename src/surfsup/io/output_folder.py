@@ -18,10 +18,12 @@ from surfsup.io.trajectory import Provenance, TrajectoryWriter
 from surfsup.scene import Container, Scene
 from surfsup.scene.pose import Pose
 from surfsup.scene.solids import CONTAINER, Solids
+from surfsup.scene.wrench import Wrench
 
 BYTES_PER_VALUE = 4
-# Positions and velocities (N, 3), the poses of what moves, and ids (N,), or None where no water enters or leaves.
-OutputFrame = tuple[np.ndarray, np.ndarray, Mapping[str, Pose], np.ndarray | None]
+# Positions and velocities (N, 3), the poses of what moves, ids (N,) of the particles, or None where no water enters or
+# leaves, and the forces on solids.
+OutputFrame = tuple[np.ndarray, np.ndarray, Mapping[str, Pose], np.ndarray | None, Mapping[str, Wrench]]
 
 
 @dataclass(frozen=True)

@@ -67,6 +67,11 @@ class Units:
         return self.length**1.5
 
     @property
+    def force(self) -> float:
+        """Of forces at equal density; torques have ``force * length``."""
+        return self.length**3
+
+    @property
     def frame_time(self) -> float:
         """Seconds of the scene in a frame of the simulators."""
         return FRAME_TIME * self.time
@@ -115,7 +120,14 @@ class Units:
             for solid in solids.moving
         )
         container = None if solids.container is None else self.motion_to_solver(solids.container, start_time)
-        return Solids(self.surface_to_solver(solids.still), moving, container)
+        parts = solids.parts
+        if not self.same:
+            scale = 1 / self.length
+            parts = tuple(
+                replace(part, surface=Transformed(part.surface, scale=scale), origin=scale * part.origin)
+                for part in parts
+            )
+        return Solids(self.surface_to_solver(solids.still), moving, container, parts)
 
     def motion_to_solver(self, motion: PoseFunction, start_time: float) -> PoseFunction:
         """The pose over the time of the solver, which is 0 at ``start_time`` seconds of the scene."""

@@ -17,6 +17,7 @@ from surfsup.scene import Scene
 from surfsup.scene.solids import Solids, build_solids
 from surfsup.sdf import Surface, Transformed
 from surfsup.sph.boundary.boundary_map import BoundaryMap
+from surfsup.sph.impulses import Impulses
 from surfsup.sph.moving import FrameMotion, MovingSolids
 
 
@@ -40,7 +41,9 @@ class Environment:
             these act through distance and normal alone.
         moving: what moves, or None.
         motion: its poses before and after the next frame, see :meth:`at_frame`.
-        unmoved: the same without that motion; None where nothing moves.
+        unmoved: the same without that motion and those impulses; None without either.
+        solids: all solids; None where forces on them are never requested.
+        impulses: of the next frame, to which the solver adds; None where they are not requested.
     """
 
     surface: Surface | None
@@ -51,6 +54,8 @@ class Environment:
     moving: MovingSolids | None = None
     motion: FrameMotion | None = None
     unmoved: Environment | None = None
+    solids: Solids | None = None
+    impulses: Impulses | None = None
 
     def __getstate__(self) -> dict[str, object]:
         """The fields alone: cached native objects can be neither copied nor pickled."""
@@ -83,11 +88,17 @@ class Environment:
             torch.tensor(scene.gravity, device=device),
             None if surface is None or tensors_requiring_grad(surface) else BoundaryMap.of(surface, container),
             MovingSolids(solids) if solids is not None and solids.move else None,
+            solids=solids,
         )
 
     def moved(self, motion: FrameMotion) -> Environment:
         """The same, for a frame with ``motion``."""
         return replace(self, motion=motion, unmoved=self.base)
+
+    def measured(self) -> Environment:
+        """The same, for a frame whose impulses on the solids are requested."""
+        assert self.solids is not None, "the environment was made without its solids"
+        return replace(self, impulses=Impulses(self.solids), unmoved=self.base)
 
     @property
     def base(self) -> Environment:

@@ -29,8 +29,8 @@ class WaterStatistics:
 
     Attributes:
         max_speed: of any particle in any frame, m/s.
-        center_height: of the center of mass in the last frame, meters.
-        kinetic_energy: in the last frame, J/kg.
+        center_height: of the center of mass in the last frame with water, meters.
+        kinetic_energy: in the same frame, J/kg.
     """
 
     max_speed: float = 0.0
@@ -40,11 +40,11 @@ class WaterStatistics:
     def watch(self, frames: Iterator[Frame]) -> Iterator[OutputFrame]:
         """Pass the frames on."""
         for frame in frames:
-            if len(frame.ids):
+            if len(frame.positions):
                 self.max_speed = max(self.max_speed, float(np.linalg.norm(frame.velocities, axis=1).max()))
                 self.center_height = center_height(frame.positions)
                 self.kinetic_energy = kinetic_energy(frame.velocities)
-            yield frame.positions, frame.velocities, frame.poses, frame.ids
+            yield frame.positions, frame.velocities, frame.poses, frame.ids, frame.forces
 
 
 def simulate_case(

@@ -76,9 +76,8 @@ class TrajectoryRenderer:
         self._poses = scene_poses(trajectory)
         first = None if self._poses else self._still  # what moves is drawn anew for each frame
         bounds = bounds_of(self._still, self._moving)
-        self._renderer = FrameRenderer(
-            first, self._size, trajectory.radius, points_of_interest(trajectory), size, bounds, direction, turntable
-        )
+        focus = points_of_interest(trajectory)
+        self._renderer = FrameRenderer(first, self._size, trajectory.radius, focus, size, bounds, direction, turntable)
         if trajectory.scene.container.open:
             self._renderer.omit_edges()
 

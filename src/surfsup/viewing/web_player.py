@@ -66,8 +66,8 @@ def write_web_player(
     if positions.ndim != 3 or positions.shape[2] != 3 or 0 in positions.shape:
         raise ValueError(f"positions must be (frames, particles, 3), none of them 0; they are {positions.shape}")
     scale = picture_scale(container_size, particle_radius)
-    focus = positions[0] if focus is None else focus
     count = positions.shape[1]
+    focus = positions[0] if focus is None else focus
     positions, stride = _subsample(positions)
     shown = "" if positions.shape[1] == count else f", {positions.shape[1]:,} of them shown"
     caption = " · ".join([title, *([simulator] if simulator else []), f"{count:,} particles{shown}"])
