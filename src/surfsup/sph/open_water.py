@@ -173,16 +173,18 @@ class WithTaps(Simulator[OpenState]):
         Raises:
             SimulationError: as the simulator itself.
         """
+        if state.layers:
+            environment = environment.supplied(self.passages.taps.energy(state.layers) / max(1, len(state.ids)))
         fluid, collided = self.simulator.step(state.fluid, environment, handle_collisions)
         after = replace(state, fluid=fluid, frame=state.frame + 1)
         motion = self._carriers(environment)
         after = self._guided(after, motion)
-        if after.layers:
-            after = self._cleared(state, after, motion, environment, handle_collisions)
         kept = self._kept(state, after, motion)
         after = replace(after.only(kept), drained=after.drained + int((~kept).sum()))
         after = self._supplied(after, state.time, motion)
         added = len(after.ids) - int(kept.sum())
+        if after.layers:
+            after = self._cleared(state.only(kept), after, motion, environment, handle_collisions)
         moved = collided[torch.from_numpy(kept).to(collided.device)]
         return after, torch.cat([moved, moved.new_zeros(added)])
 
