@@ -123,11 +123,12 @@ class Simulation:
             simulator, _ = load_simulator(simulator)
         self._device = choose_device("cpu" if device is None and scene.moves else device)
         self._simulator = simulator.to(self._device)
-        self._units, self._start_time = scene.units, scene.start_time
+        self._start_time = scene.start_time
         self.motion = SceneMotion(scene)
         self.surface = self.motion.solids.still
         solid = self.motion.solids.at_time(self._start_time)
         self.particles = start_of(scene, solid) if particles is None else particles
+        self._units = scene.units.around(scene, self.particles)
         self._environment = self._make_environment(self.motion.solids)
         start = self._units.particles_to_solver(self.particles)
         positions, velocities = (

@@ -57,7 +57,7 @@ def simulate(
         SolverError: the child process ended early.
         InputError: the solver or a library that it needs is not installed, or the surface is not near the container.
     """
-    units = scene.units
+    units = scene.units.around(scene, start)
     solids = build_solids(scene) if scene.moves else Solids(surface)
     solids = units.solids_to_solver(replace(solids, still=surface), scene.start_time)
     solver_scene, start = units.scene_to_solver(scene), units.particles_to_solver(start)
