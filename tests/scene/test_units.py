@@ -147,7 +147,7 @@ def test_water_far_from_the_origin_is_simulated_near_it_and_written_where_it_is(
     )
     results = []
     for place in (np.zeros(3), far):
-        box = {"lower": (place - (0.1, 0.1, -0.23)).tolist(), "upper": (place + (0.1, 0.1, 0.4)).tolist()}
+        box = {"lower": (place - (0.1, 0.1, -0.23)).tolist(), "upper": np.add(place, (0.1, 0.1, 0.4)).tolist()}
         scene = Scene.from_yaml(text.format(at=place.tolist(), **box), "test")
         simulation = Simulation(scene, device="cpu")
         *_, last = simulation.run()

@@ -12,6 +12,8 @@ from typing import Annotated, NoReturn
 import typer
 
 from surfsup import __version__
+from surfsup.activity import report_activities
+from surfsup.cli.activity_lines import activity_lines
 from surfsup.cli.compare import compare
 from surfsup.cli.design import design
 from surfsup.cli.doctor import doctor
@@ -60,6 +62,7 @@ def main() -> None:
         typer.echo(__version__)
         sys.exit(0)
     warnings.showwarning = one_line_warnings()
+    report_activities(activity_lines)
     try:
         status = app(args=split_vectors(sys.argv[1:]), standalone_mode=False)
     except (InputError, typer.TyperException) as error:
