@@ -24,7 +24,6 @@ SUFFIXES = {"", ".cff", ".cpp", ".css", ".hpp", ".html", ".js", ".md", ".py", ".
 # Single words, also as parts of snake_case and CamelCase names: what to use instead.
 WORDS = {
     # The solver.
-    "sweep(s|ing)?": "iteration, pass",
     "farther": "beyond, further; delta_position",
     "crowding": "capped neighbors",
     "guard(s|ed|ing)?": "collision handling, resolve_collisions, collided",
@@ -60,6 +59,8 @@ WORDS = {
 
 # Whole names and phrases.
 PHRASES = {
+    # A sweep is a set of simulations over varied values.
+    r"(?i:(pressure|divergence|density) sweeps?|sweeps? (of|over) (the )?(pressures?|particles))": "iteration, pass",
     r"(?i:the (solver's )?(own )?rule)\b(?! of)|solver's own rule": "the DFSPH pressure solve, the solver",
     r"(?i:\b(the|a|an|one|two|four|same|each) looks?)\b|look_natively|look_again": "neighbor search, query",
     r"of_rise|OF_RISE": "divergence_relaxation",
@@ -90,6 +91,7 @@ ALLOWED = (
     ("CHANGELOG.md", r"`[^`]*`", "names of removed options"),
     ("tests/test_vocabulary.py", r".*", "this list"),
     ("src/surfsup/datasets/generation/worker_pool.py", r"[Cc]ancelled", "names of the Python library and of dask"),
+    ("examples/learn_to_pour.py", r"search\.(ask|tell)", "the interface of the library cma"),
     ("src/surfsup/design/baselines.py", r"strategy\.(ask|tell)", "the interface of the library cma"),
     ("src/surfsup/sdf/neural/siren.py", r"centre", "a key of files of version 0.1"),
     ("tests/sdf/neural/test_siren.py", r"centre", "a key of files of version 0.1"),

@@ -39,6 +39,7 @@ if TYPE_CHECKING:
         Union,
     )
     from surfsup.simulation import Frame, Simulation, SimulationState
+    from surfsup.worlds import Worlds
 
 # The public names and their modules, which are imported when a name is first used: `import surfsup` alone is fast.
 _MODULES = {
@@ -51,6 +52,7 @@ _MODULES = {
     **dict.fromkeys(("Bowl", "Box", "CappedCone", "Cylinder", "Difference", "Funnel", "Heightfield"), "sdf"),
     **dict.fromkeys(("Intersection", "Sphere", "Surface", "Torus", "Transformed", "Union"), "sdf"),
     **dict.fromkeys(("Frame", "Simulation", "SimulationState"), "simulation"),
+    "Worlds": "worlds",
 }
 
 __all__ = [
@@ -79,6 +81,7 @@ __all__ = [
     "Trajectory",
     "Transformed",
     "Union",
+    "Worlds",
     "__version__",
     "datasets",
     "design",

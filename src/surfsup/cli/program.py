@@ -26,6 +26,7 @@ from surfsup.cli.options import split_vectors
 from surfsup.cli.reference import reference
 from surfsup.cli.simulate import simulate
 from surfsup.cli.status import BAD_INPUT, FAULT, INTERRUPTED
+from surfsup.cli.sweep import sweep
 from surfsup.cli.train import train
 from surfsup.cli.view import render, view
 from surfsup.cli.warning_lines import one_line_warnings
@@ -39,7 +40,8 @@ app = typer.Typer(
     rich_markup_mode=None,
 )
 
-for verb in (simulate, reference, generate, floor, train, evaluate, compare, design, view, render, export, doctor):
+VERBS = (simulate, sweep, reference, generate, floor, train, evaluate, compare, design, view, render, export, doctor)
+for verb in VERBS:
     app.command()(expand_option_groups(verb))
 app.add_typer(fit, name="fit")
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import fcntl
 import os
+import shutil
 import uuid
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -63,10 +64,13 @@ def lock_token(folder: Path) -> str:
 
 
 def remove_partial_files(folder: Path) -> None:
-    """Remove incomplete files from a data set's folder."""
+    """Remove incomplete files and folders from a data set's folder."""
     for place in (folder, folder / SURFACES):
         for path in place.glob(f".*{PARTIAL}"):
-            path.unlink(missing_ok=True)
+            if path.is_dir():
+                shutil.rmtree(path, ignore_errors=True)
+            else:
+                path.unlink(missing_ok=True)
 
 
 @contextmanager

@@ -4,8 +4,6 @@ import signal
 import subprocess
 import sys
 import time
-from dataclasses import dataclass
-from pathlib import Path
 
 import h5py
 import pytest
@@ -18,6 +16,7 @@ from surfsup.datasets.generation.scene_sampler import SceneSampler
 from surfsup.errors import InputError, SimulationError
 from surfsup.io.trajectory import Trajectory
 from surfsup.splishsplash.solver import NAME
+from tests.dask_cluster import cluster  # noqa: F401
 from tests.datasets.conftest import needs_solver
 
 pytestmark = pytest.mark.usefixtures("tiny_recipes")
@@ -169,56 +168,13 @@ def test_after_a_kill_at_any_moment_a_second_run_gives_the_same_bytes(tmp_path, 
     assert {path.name: path.read_bytes() for path in tmp_path.iterdir() if path.name != ".lock"} == uninterrupted
 
 
-def start_dask(role: str, *options: str) -> subprocess.Popen:
-    """Start a scheduler or a worker as a process, as in a user's cluster."""
-    command = [sys.executable, "-m", f"distributed.cli.dask_{role}", "--no-dashboard", *options]
-    return subprocess.Popen(command, stderr=subprocess.DEVNULL)
-
-
-@dataclass
-class Cluster:
-    """A scheduler with workers that a test can kill."""
-
-    address: str
-    folder: Path
-    workers: list[subprocess.Popen]
-
-    def add_worker(self) -> None:
-        own = ["--no-nanny", "--nthreads", "1", "--local-directory", str(self.folder)]
-        self.workers.append(start_dask("worker", self.address, *own))
-
-
-@pytest.fixture
-def cluster(tmp_path_factory):
-    from distributed import Client
-
-    folder = tmp_path_factory.mktemp("dask")
-    address_file = folder / "scheduler.json"
-    scheduler = start_dask("scheduler", "--host", "127.0.0.1", "--port", "0", "--scheduler-file", str(address_file))
-    workers = []
-    try:
-        deadline = time.monotonic() + 60
-        while not address_file.exists() and time.monotonic() < deadline:
-            time.sleep(0.05)
-        running = Cluster(yaml.safe_load(address_file.read_text())["address"], folder, workers)
-        running.add_worker()
-        running.add_worker()
-        with Client(running.address) as client:
-            client.wait_for_workers(2, timeout=60)
-        yield running
-    finally:
-        for process in (*workers, scheduler):
-            process.kill()
-            process.wait()
-
-
 def next_warning(lines):
     """The next line that does not report progress."""
     return next(line for line in lines if not line.startswith("simulating "))
 
 
 @needs_solver
-def test_other_workers_repeat_the_work_of_killed_ones(tmp_path, uninterrupted, cluster):
+def test_other_workers_repeat_the_work_of_killed_ones(tmp_path, uninterrupted, cluster):  # noqa: F811
     data = tmp_path / "data"
     running = surfsup_generate(data, "--scheduler", cluster.address)
 

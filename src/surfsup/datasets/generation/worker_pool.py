@@ -28,6 +28,7 @@ POLL_INTERVAL = 1.0  # seconds between checks for lost workers
 MAX_THREADS = 8  # per process
 SILENT = logging.CRITICAL + 1
 LOGGERS = ("distributed", "tornado", "asyncio")
+REFERENCE = (solver.check_installed,)  # what most work here needs
 
 T = TypeVar("T")
 
@@ -53,17 +54,22 @@ class WorkerPool:
         """Number of threads of each worker."""
         return dict(self._client.nthreads())
 
-    def check_workers(self, folder: Path | None, token: str = "") -> None:
+    def check_workers(
+        self, folder: Path | None, token: str = "", requirements: Sequence[Callable[[], None]] = REFERENCE
+    ) -> None:
         """Check that every worker can run simulations.
 
         Args:
             folder: that all workers must share under this path; None if they need none.
             token: in the folder's lock file.
+            requirements: functions that raise InputError on a worker that lacks something.
 
         Raises:
-            InputError: a worker lacks surfsup, this version of it, the solver or the folder.
+            InputError: a worker lacks surfsup, this version of it, a requirement or the folder.
         """
-        found = self._client.run(missing_requirement, folder, token, __version__, on_error="return")
+        found = self._client.run(
+            missing_requirement, folder, token, __version__, tuple(requirements), on_error="return"
+        )
         for worker, problem in found.items():
             if isinstance(problem, BaseException):
                 problem = f"cannot run surfsup {__version__} ({' '.join(str(problem).split())})"
@@ -187,14 +193,17 @@ def until_canceled(frames: Generator[T, None, None]) -> Iterator[T]:
             yield frame
 
 
-def missing_requirement(folder: Path | None, token: str, version: str) -> str | None:
+def missing_requirement(
+    folder: Path | None, token: str, version: str, requirements: Sequence[Callable[[], None]] = REFERENCE
+) -> str | None:
     """Why this worker cannot run simulations; None if it can."""
     if version != __version__:
         return f"has surfsup {__version__}, but needs {version}"
     if folder is not None and lock_token(folder) != token:
         return f"does not see {folder}; it must be a folder that all machines share under one path"
     try:
-        solver.check_installed()
+        for check in requirements:
+            check()
     except InputError as error:
         return str(error)
     return None
@@ -218,7 +227,7 @@ def open_worker_pool(workers: int | None = None, scheduler: str | None = None) -
     try:
         from distributed import Client
     except ModuleNotFoundError:
-        raise InputError("dask, which spreads the work, is not installed: pip install 'surfsup[reference]'") from None
+        raise InputError("dask, which spreads the work, is not installed: pip install 'surfsup[batches]'") from None
     with silenced_logs(), cluster_address(workers or DEFAULT_WORKERS, scheduler) as address:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of version differences; WorkerPool.check_workers checks what matters

@@ -1,0 +1,69 @@
+"""Learn to pour with CMA-ES: a linear policy for the Gymnasium environment `surfsup/Pour-v0`.
+
+    python examples/learn_to_pour.py --generations 12
+
+Prints the mean return by generation, and the best policy's shares of water in the glass and spilled. It needs
+``pip install 'surfsup[gym]'`` and ``cma``.
+"""
+
+import argparse
+from concurrent.futures import ThreadPoolExecutor
+from threading import local
+
+import cma
+import gymnasium
+import numpy as np
+
+import surfsup.gym
+
+TARGETS = (0.4, 0.8)
+worlds = local()  # an environment for each thread
+
+
+def play(weights: np.ndarray, target: float) -> tuple[float, float, float]:
+    """Return of an episode, and the shares of the water that end in the glass and beside it."""
+    if not hasattr(worlds, "environment"):
+        worlds.environment = gymnasium.make(surfsup.gym.POUR)
+    observation, _ = worlds.environment.reset(seed=0, options={"target": target})
+    matrix = weights.reshape(2, -1)  # actions from observations and a constant
+    total, ended = 0.0, False
+    while not ended:
+        action = np.tanh(matrix @ np.append(observation, 1)).astype(np.float32)
+        observation, reward, terminated, truncated, info = worlds.environment.step(action)
+        total, ended = total + float(reward), terminated or truncated
+    return total, info["shares"].glass, info["shares"].spilled
+
+
+def main() -> None:
+    """Learn, and print how it goes."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--generations", type=int, default=12)
+    parser.add_argument("--population", type=int, default=8)
+    parser.add_argument("--threads", type=int, default=2)
+    parser.add_argument("--seed", type=int, default=1)
+    options = parser.parse_args()
+    surfsup.gym.register()
+    search = cma.CMAEvolutionStrategy(
+        np.zeros(18), 0.5, {"popsize": options.population, "seed": options.seed, "verbose": -9}
+    )
+    best, best_return = np.zeros(18), -np.inf
+    with ThreadPoolExecutor(options.threads) as pool:
+        for generation in range(options.generations):
+            candidates = search.ask()
+            episodes = [(candidate, target) for candidate in candidates for target in TARGETS]
+            results = list(pool.map(lambda episode: play(*episode), episodes))
+            returns = np.array([result[0] for result in results]).reshape(len(candidates), -1).mean(axis=1)
+            search.tell(candidates, -returns)
+            if returns.max() > best_return:
+                best, best_return = candidates[int(returns.argmax())], float(returns.max())
+            print(
+                f"generation {generation}: mean return {returns.mean():.3f}, best so far {best_return:.3f}", flush=True
+            )
+        for target, (total, glass, spilled) in zip(
+            TARGETS, pool.map(lambda goal: play(best, goal), TARGETS), strict=True
+        ):
+            print(f"target {target:.2f}: {glass:.2f} in the glass, {spilled:.2f} spilled, return {total:.3f}")
+
+
+if __name__ == "__main__":
+    main()
