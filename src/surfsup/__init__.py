@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from surfsup.evaluation.pair import evaluate_pair as evaluate
     from surfsup.exporting.export import export
     from surfsup.io.trajectory import Trajectory
-    from surfsup.scene import Block, Container, Fill, ParticleFile, Scene, load_mesh
+    from surfsup.scene import Block, Container, Drain, Fill, ParticleFile, Scene, Tap, load_mesh
     from surfsup.scene.pose import Pose
     from surfsup.sdf import (
         Bowl,
@@ -39,6 +39,7 @@ if TYPE_CHECKING:
         Union,
     )
     from surfsup.simulation import Frame, Simulation, SimulationState
+    from surfsup.viewing.notebook import show
     from surfsup.worlds import Worlds
 
 # The public names and their modules, which are imported when a name is first used: `import surfsup` alone is fast.
@@ -47,12 +48,13 @@ _MODULES = {
     "SimulationError": "errors",
     "Trajectory": "io.trajectory",
     "export": "exporting.export",
-    **dict.fromkeys(("Block", "Container", "Fill", "ParticleFile", "Scene", "load_mesh"), "scene"),
+    **dict.fromkeys(("Block", "Container", "Drain", "Fill", "ParticleFile", "Scene", "Tap", "load_mesh"), "scene"),
     "Pose": "scene.pose",
     **dict.fromkeys(("Bowl", "Box", "CappedCone", "Cylinder", "Difference", "Funnel", "Heightfield"), "sdf"),
     **dict.fromkeys(("Intersection", "Sphere", "Surface", "Torus", "Transformed", "Union"), "sdf"),
     **dict.fromkeys(("Frame", "Simulation", "SimulationState"), "simulation"),
     "Worlds": "worlds",
+    "show": "viewing.notebook",
 }
 
 __all__ = [
@@ -63,6 +65,7 @@ __all__ = [
     "Container",
     "Cylinder",
     "Difference",
+    "Drain",
     "Fill",
     "Frame",
     "Funnel",
@@ -77,6 +80,7 @@ __all__ = [
     "SimulationState",
     "Sphere",
     "Surface",
+    "Tap",
     "Torus",
     "Trajectory",
     "Transformed",
@@ -88,6 +92,7 @@ __all__ = [
     "evaluate",
     "export",
     "load_mesh",
+    "show",
 ]
 
 

@@ -4,7 +4,7 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 
 import surfsup.gym
-from surfsup.gym.pour import CUP_HEIGHT, GLASS_PLACE, HEIGHT, MAX_TILT, inside_vessel
+from surfsup.gym.pour import CUP_HEIGHT, CUP_PLACE, HEIGHT, MAX_TILT, inside_vessel
 
 FULL_TILT, STILL, BACK = (np.array(action, np.float32) for action in ((1, 0), (0, 0), (-1, 0)))
 
@@ -76,7 +76,7 @@ def test_the_tilt_is_bounded_and_the_cup_turns_about_its_middle(pour):
     assert observation[0] == 1
     pose = pour.unwrapped.simulation.frame.poses["cup"]
     middle = pose.apply(np.array([[0, 0, HEIGHT / 2]]))[0]
-    np.testing.assert_allclose(middle, [-GLASS_PLACE, 0, CUP_HEIGHT + HEIGHT / 2], atol=1e-6)
+    np.testing.assert_allclose(middle, [CUP_PLACE, 0, CUP_HEIGHT + HEIGHT / 2], atol=1e-6)
     up = pose.apply(np.array([[0, 0, 1.0]]))[0] - pose.position
     assert np.degrees(np.arccos(up[2])) == pytest.approx(np.degrees(MAX_TILT), abs=0.01)
     assert up[0] > 0  # toward the glass

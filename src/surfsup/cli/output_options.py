@@ -66,6 +66,8 @@ class OutputOptions:
                     write_trajectory_video(folder.trajectory, folder.video, bar)
         if excluded:
             typer.echo(f"{excluded} particles that overlap the solid or each other at the start were omitted")
+        if summary.entered or summary.left:
+            typer.echo(f"{summary.entered} particles entered through taps, {summary.left} left through drains")
         typer.echo(
             f"{summary.particles} particles, {summary.frames} frames in {summary.seconds:.1f} s "
             f"({summary.ms_per_frame:.1f} ms per frame); {summary.penetrations} in the solid, "

@@ -18,9 +18,11 @@ from surfsup import __version__
 from surfsup.activity import report_activities
 from surfsup.cli.activity_lines import activity_lines
 from surfsup.cli.compare import compare
+from surfsup.cli.convert import convert
 from surfsup.cli.design import design
 from surfsup.cli.doctor import doctor
 from surfsup.cli.evaluate import evaluate
+from surfsup.cli.examples import examples
 from surfsup.cli.export import export
 from surfsup.cli.fit import fit
 from surfsup.cli.generate import floor, generate
@@ -39,13 +41,13 @@ from surfsup.errors import InputError, Interrupted, SimulationError
 app = typer.Typer(
     name="surfsup",
     help="Pour water on any surface.",
-    add_completion=False,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
 
-VERBS = (simulate, sweep, reference, generate, floor, train, evaluate, compare, design, view, render, export, doctor)
-for verb in VERBS:
+WATER = (simulate, examples, sweep, reference, compare, view, render, export, convert)
+LEARNING = (generate, floor, train, evaluate, design)
+for verb in (*WATER, *LEARNING, doctor):
     app.command()(expand_option_groups(verb))
 app.add_typer(fit, name="fit")
 

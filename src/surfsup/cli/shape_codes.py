@@ -61,7 +61,7 @@ def between(
 
     The folder gets a page with a slider, a strip of pictures, and the meshes.
 
-    Example: surfsup fit between chairs chair-0153 chair-0134 --whole -o out/chairs
+    Example: surfsup fit between chairs chair-0007 chair-0134 --whole -o out/chairs
     """
     from surfsup.fitting.connected_path import interpolate_connected
     from surfsup.fitting.interpolate import interpolate
@@ -74,18 +74,19 @@ def between(
     ends = deepsdf.code(first), deepsdf.code(second)
     folder = out or Path("out") / f"{first}-{second}"
     folder.mkdir(parents=True, exist_ok=True)
-    pictures, captions = [], []
+    pictures, captions, shares = [], [], []
     solids = interpolate_connected(deepsdf, first, second, steps) if whole else interpolate(deepsdf, *ends, steps)
     with progress_bar(f"from {first} to {second}") as bar:
         for number, solid in enumerate(solids):
             pictures.append(render_solid(solid.mesh))
             state = "one closed mesh" if solid.whole else f"{solid.parts} parts{'' if solid.closed else ', not closed'}"
             captions.append(f"{solid.fraction:.0%} of the way: {state}")
+            shares.append(f"{solid.fraction:.0%}")
             if solid.mesh is not None:
                 solid.mesh.export(folder / f"step-{number}.ply")
             bar(number + 1, steps)
     write_slider(folder / "page.html", pictures, captions, f"From {first} to {second}")
-    write_strip(folder / "strip.png", pictures)
+    write_strip(folder / "strip.png", pictures, [first, *shares[1:-1], second])
     for caption in captions:
         typer.echo(caption)
     typer.echo(f"page   {folder / 'page.html'}  (open it in a browser, no network needed)")

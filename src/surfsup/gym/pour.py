@@ -14,7 +14,7 @@ from surfsup.scene import Scene
 from surfsup.simulation import Simulation, SimulationState
 
 RADIUS, INNER_RADIUS, HEIGHT, FLOOR = 0.09, 0.075, 0.2, 0.015  # of cup and glass, meters
-GLASS_PLACE = 0.13  # x of the glass; the cup begins at -GLASS_PLACE
+GLASS_PLACE, CUP_PLACE = 0.13, -0.05  # x of the middles at the start, meters
 CUP_HEIGHT = 0.24  # of the bottom of the cup
 WATER_HEIGHT = 0.14  # in the cup, above its bottom
 ACTION_TIME = 0.04  # seconds of an action
@@ -37,10 +37,10 @@ surfaces:
   glass: {VESSEL}
     at: [{GLASS_PLACE}, 0, 0]
   cup: {VESSEL}
-    at: [{-GLASS_PLACE}, 0, {CUP_HEIGHT}]
+    at: [{CUP_PLACE}, 0, {CUP_HEIGHT}]
     motion: {{keyframes: [{{time: 0}}]}}
 fluid:
-  - fill: {{below: {CUP_HEIGHT + WATER_HEIGHT}, seed: [{-GLASS_PLACE}, 0, {CUP_HEIGHT + 0.05}], settle: true}}
+  - fill: {{below: {CUP_HEIGHT + WATER_HEIGHT}, seed: [{CUP_PLACE}, 0, {CUP_HEIGHT + 0.05}], settle: true}}
 """
 
 
@@ -167,7 +167,7 @@ class Pour(gymnasium.Env[np.ndarray, np.ndarray]):
     def _place(self, tilt: float, shift: float) -> tuple[list[float], list[float]]:
         """Position and rotation of the cup, which turns about the middle of its height."""
         half = HEIGHT / 2
-        x = -GLASS_PLACE + shift - half * math.sin(tilt)
+        x = CUP_PLACE + shift - half * math.sin(tilt)
         z = CUP_HEIGHT + half - half * math.cos(tilt)
         return [x, 0.0, z], [math.cos(tilt / 2), 0.0, math.sin(tilt / 2), 0.0]
 

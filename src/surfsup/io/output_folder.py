@@ -23,6 +23,8 @@ from surfsup.scene.pose import Pose
 from surfsup.scene.solids import CONTAINER, Solids
 
 BYTES_PER_VALUE = 4
+# Positions and velocities (N, 3), the poses of what moves, and ids (N,), or None where no water enters or leaves.
+OutputFrame = tuple[np.ndarray, np.ndarray, Mapping[str, Pose], np.ndarray | None]
 
 
 @dataclass(frozen=True)
@@ -31,6 +33,7 @@ class Summary:
 
     Attributes:
         particles, frames: numbers of particles and frames.
+        entered, left: numbers of particles that came through taps and left through drains.
         seconds: wall-clock time of simulating and writing.
         ms_per_frame: time of the simulator per frame, without its setup.
         penetrations: number of particles inside the solid, summed over frames.
@@ -48,6 +51,8 @@ class Summary:
     out_of_container: int
     model: str
     device: str
+    entered: int = 0
+    left: int = 0
     version: str = __version__
 
 
@@ -96,7 +101,7 @@ class OutputFolder:
         self,
         scene: Scene,
         solids: Solids,
-        frames: Iterable[tuple[np.ndarray, np.ndarray, Mapping[str, Pose]]],
+        frames: Iterable[OutputFrame],
         provenance: Provenance,
         device: str,
         on_progress: Callable[[int, int], None],
@@ -109,7 +114,7 @@ class OutputFolder:
         Args:
             scene: the simulated scene.
             solids: its solids.
-            frames: positions and velocities (N, 3) of each frame, and the poses of what moves.
+            frames: of the simulator.
             provenance: simulator, seed and version.
             device: device of the simulation, for the summary.
             on_progress: called after each frame with the numbers of finished frames and of all frames.
@@ -145,7 +150,7 @@ class OutputFolder:
             done = writer.frames  # an interrupt may occur between counting a frame and writing it
             penetrations, out_of_container = (sum(column) for column in zip((0, 0), *counts[:done], strict=True))
             summary = Summary(
-                particles=self._particles,
+                particles=writer.particles,
                 frames=done,
                 seconds=round(time.perf_counter() - began, 2),
                 ms_per_frame=round(1000 * simulating / max(1, done - 2), 3),
@@ -153,6 +158,8 @@ class OutputFolder:
                 out_of_container=out_of_container,
                 model=provenance.simulator,
                 device=device,
+                entered=writer.entered,
+                left=writer.left,
             )
             if done and writer.path == self.trajectory:
                 # An error before, such as a full disk, says more than the same one here.

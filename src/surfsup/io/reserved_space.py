@@ -1,7 +1,7 @@
 """Disk space that belongs to a file before its library writes there, so that a full disk is noticed in time.
 
 HDF5 cannot recover from a write that fails: closing the file then fails, too, and the file is unreadable. A limit may
-be the disk, a quota, or the largest size of a file; asking the system for the space is the one way to know them all.
+be the disk, a quota, or the largest size of a file; only the system knows them all, when the space is taken.
 """
 
 from __future__ import annotations

@@ -29,6 +29,9 @@ GROUP = "00000"
 POSES = (
     f"{GROUP}/pose"  # group with a data set (frames, 7) for each solid that moves: x, y, z in meters, then w, x, y, z
 )
+LIFETIMES = (
+    f"{GROUP}/lifetime"  # data set (particles, 2) where water enters or leaves: first frame, frame after the last
+)
 FRAMES_PER_CHUNK = 2  # larger chunks compress better (8: 0.66 instead of 0.72), but windows then read unused frames
 FRAMES_PER_FLUSH = 8
 COMPRESSION_LEVEL = 2  # of ISA-L
@@ -57,9 +60,14 @@ class Provenance:
 class TrajectoryFrames:
     """The frames of a trajectory file without its scene, read from disk on demand.
 
+    A particle has the same column in all frames: its id. Where water enters or leaves, a particle has NaN in the frames
+    in which it is not in the scene; :meth:`ids` says which are.
+
     Attributes:
         positions: (frames, particles, 3) float32 in meters, an HDF5 data set that slices like an array.
         velocities: (frames, particles, 3) float32 in m/s, at the end of each frame.
+        lifetimes: (particles, 2) int64, the first frame of each particle and the one after its last; None where all
+            particles are in all frames.
     """
 
     def __init__(self, path: str | Path) -> None:
@@ -90,6 +98,9 @@ class TrajectoryFrames:
         self.positions, self.velocities = (self._frames_of(name) for name in ("position", "velocity"))
         if self.positions.shape != self.velocities.shape:
             raise ValueError(f"{self.positions.shape} positions, {self.velocities.shape} velocities")
+        self.lifetimes = None if LIFETIMES not in self._file else self._file[LIFETIMES][:]
+        if self.lifetimes is not None and self.lifetimes.shape != (self.positions.shape[1], 2):
+            raise ValueError(f"{self.positions.shape} positions, {self.lifetimes.shape} lifetimes")
 
     def _frames_of(self, name: str) -> h5py.Dataset:
         data = self._file[f"{GROUP}/{name}"]
@@ -100,6 +111,13 @@ class TrajectoryFrames:
     def __len__(self) -> int:
         """Number of frames."""
         return len(self.positions)
+
+    def ids(self, frame: int) -> np.ndarray:
+        """The ids (K,) int64, ascending, of the particles that are in the scene in a frame."""
+        if self.lifetimes is None:
+            return np.arange(self.positions.shape[1])
+        first, end = self.lifetimes.T
+        return np.flatnonzero((first <= frame) & (frame < end))
 
     def window(self, first: int, count: int) -> tuple[np.ndarray, np.ndarray]:
         """Positions and velocities (count, N, 3) of ``count`` frames from ``first``; faster than slicing."""
@@ -176,7 +194,7 @@ class TrajectoryWriter:
             path: the new file.
             scene: the simulated scene.
             provenance: simulator, seed and version.
-            particles: number of particles.
+            particles: number of particles; where water enters, of all that ever will.
             root: folder that may be moved as a whole; that of ``path`` by default. Paths inside it are written
                 relative to the file.
             start_time: seconds, of the first frame; by default that of the scene.
@@ -232,6 +250,8 @@ class TrajectoryWriter:
         ]
         group["particle_type"] = np.full(particles, FLUID_TYPE, dtype=np.int64)
         self._poses: list[Mapping[str, Pose]] = []  # of the frames in the buffer
+        # The first frame of each particle and the one after its last. All zero for those that have not yet come.
+        self._lifetimes = np.zeros((particles, 2), np.int64)
         # Frames that are not yet written, and memory to shuffle a chunk in. Reused memory stays in the cache.
         self._buffer = np.empty((2, FRAMES_PER_FLUSH, particles, 3), dtype=np.float32)
         self._shuffled = np.empty((4, FRAMES_PER_CHUNK * particles * 3), dtype=np.uint8)
@@ -243,27 +263,61 @@ class TrajectoryWriter:
         """Number of frames so far, including those in the buffer."""
         return self._written + self._buffered
 
+    @property
+    def particles(self) -> int:
+        """Number of particles that are or were in the scene."""
+        return int((self._lifetimes[:, 1] > 0).sum())
+
+    @property
+    def entered(self) -> int:
+        """Number of particles that came after the first frame."""
+        return int((self._lifetimes[:, 0] > 0).sum())
+
+    @property
+    def left(self) -> int:
+        """Number of particles that are no longer in the scene."""
+        return int(((self._lifetimes[:, 1] > 0) & (self._lifetimes[:, 1] < self.frames)).sum())
+
     def write_attributes(self, group: str, values: Mapping[str, object]) -> None:
         """Write ``values`` (numbers, texts, arrays) as attributes of a new group."""
         self._file.create_group(group).attrs.update(values)
 
-    def append(self, positions: np.ndarray, velocities: np.ndarray, poses: Mapping[str, Pose] | None = None) -> None:
+    def append(
+        self,
+        positions: np.ndarray,
+        velocities: np.ndarray,
+        poses: Mapping[str, Pose] | None = None,
+        ids: np.ndarray | None = None,
+    ) -> None:
         """Append a copy of one frame.
 
         Args:
             positions: (N, 3), meters.
             velocities: (N, 3), m/s.
             poses: by name of all that moves.
+            ids: (N,) of the particles that are in the scene, below the number of particles; by default all are.
 
         Raises:
             InputError: the disk is full.
             ValueError: a shape is not (N, 3).
         """
         frame = self._buffer[:, self._buffered]
+        some = ids is not None and len(ids) != frame.shape[1]
+        shape = (len(ids), 3) if some and ids is not None else frame.shape[1:]
         for target, values in zip(frame, (positions, velocities), strict=True):
-            if np.shape(values) != target.shape:
-                raise ValueError(f"a frame is of shape {np.shape(values)} instead of {target.shape}")
-            target[:] = values
+            if np.shape(values) != shape:
+                raise ValueError(f"a frame is of shape {np.shape(values)} instead of {shape}")
+            if some:
+                target[:] = np.nan
+                target[ids] = values
+            else:
+                target[:] = values
+        here = self._lifetimes[ids if some else slice(None)]
+        new = here[:, 1] == 0
+        here[new, 0] = self.frames
+        here[:, 1] = self.frames + 1
+        if some:
+            self._lifetimes[ids] = here
         frame[1] /= VELOCITY_STEP
         np.round(frame[1], out=frame[1])
         frame[1] *= VELOCITY_STEP
@@ -289,6 +343,7 @@ class TrajectoryWriter:
                 data.resize(self.frames, axis=0)
                 write_chunks(data, self._written, values, self._shuffled)
             self._write_poses()
+            self._write_lifetimes()
             self._file.flush()
         except (OSError, RuntimeError) as error:
             raise InputError(f"{self._path}: cannot be written ({single_line(error)})") from None
@@ -296,6 +351,15 @@ class TrajectoryWriter:
         if self._buffered == FRAMES_PER_FLUSH:
             # One statement: an interrupt between two would count frames twice.
             self._written, self._buffered = self.frames, 0
+
+    def _write_lifetimes(self) -> None:
+        """Write when each particle was in the scene, unless all were in all frames."""
+        if (self._lifetimes == (0, self.frames)).all():
+            return
+        if LIFETIMES in self._file:
+            self._file[LIFETIMES][:] = self._lifetimes
+        else:
+            self._file[LIFETIMES] = self._lifetimes
 
     def _write_poses(self) -> None:
         """Write the poses of the buffered frames of everything that has moved so far."""

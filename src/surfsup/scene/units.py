@@ -17,6 +17,7 @@ import numpy as np
 
 from surfsup.scene.fluid import PARTICLE_RADIUS, InitialParticles
 from surfsup.scene.motion import PoseFunction
+from surfsup.scene.nozzle import Nozzle
 from surfsup.scene.pose import Pose
 from surfsup.scene.solids import Solids
 from surfsup.scene.strict_model import Vector
@@ -56,7 +57,8 @@ class Units:
         moves in a substep.
         """
         positions = start.positions
-        if not scene.container.open or len(positions) == 0 or np.abs(positions).max() <= FAR:
+        with_walls = not scene.container.open or scene.is_open  # taps are where the scene says
+        if with_walls or len(positions) == 0 or np.abs(positions).max() <= FAR:
             return self
         x, y, z = np.round(positions.astype(np.float64).mean(axis=0)).tolist()
         return replace(self, origin=(x, y, z))
@@ -106,6 +108,8 @@ class Units:
             "surface": None,
             "surfaces": {},
             "fluid": [],
+            "taps": [],
+            "drains": [],
             "particle_radius": PARTICLE_RADIUS,
         }
         copy = scene.model_copy(update={**changes, "fps": scene.fps and scene.fps * self.time, "duration": None})
@@ -141,6 +145,22 @@ class Units:
     def pose_to_solver(self, pose: Pose) -> Pose:
         """A pose of a scene in the units of the solver."""
         return pose if self.same else Pose((pose.position - self.origin) / self.length, pose.rotation)
+
+    def time_to_solver(self, time: float, start_time: float) -> float:
+        """A time of the scene in that of the solver, which is 0 at ``start_time`` seconds of the scene."""
+        return (time - start_time) / self.time
+
+    def nozzle_to_solver(self, nozzle: Nozzle, start_time: float) -> Nozzle:
+        """A tap of a scene in the units of the solver, whose time 0 is ``start_time`` seconds of the scene."""
+        return replace(
+            nozzle,
+            points=nozzle.points / self.length,
+            velocity=nozzle.velocity / self.velocity,
+            interval=nozzle.interval / self.time,
+            start=self.time_to_solver(nozzle.start, start_time),
+            until=self.time_to_solver(nozzle.until, start_time),
+            guide=nozzle.guide / self.time,
+        )
 
     def particles_to_solver(self, start: InitialParticles) -> InitialParticles:
         """The particles of a scene in the units of the solver."""

@@ -14,6 +14,7 @@ from PIL import Image
 
 from surfsup.io.atomic_file import atomic_file
 from surfsup.viewing.html_page import script_json, write_html
+from surfsup.viewing.label import label
 from surfsup.viewing.renderer import FrameRenderer
 
 SIZE = (640, 480)  # pixels of a picture
@@ -48,9 +49,10 @@ def write_slider(path: Path, pictures: list[np.ndarray], captions: list[str], ti
     write_html(path, template, {"TITLE": html.escape(title), "STEPS": script_json(steps)})
 
 
-def write_strip(path: Path, pictures: list[np.ndarray]) -> None:
-    """Write ``pictures`` side by side, reduced, as a PNG."""
-    reduced = [Image.fromarray(picture).reduce(STRIP_REDUCTION) for picture in pictures]
+def write_strip(path: Path, pictures: list[np.ndarray], captions: list[str]) -> None:
+    """Write ``pictures`` side by side, reduced, each with its caption, as a PNG."""
+    small = [np.asarray(Image.fromarray(picture).reduce(STRIP_REDUCTION)) for picture in pictures]
+    reduced = [Image.fromarray(label(picture, text)) for picture, text in zip(small, captions, strict=True)]
     strip = Image.new("RGB", (sum(image.width for image in reduced), reduced[0].height))
     for number, image in enumerate(reduced):
         strip.paste(image, (number * image.width, 0))
