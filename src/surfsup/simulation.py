@@ -137,7 +137,7 @@ class Simulation:
         self._device = choose_device("cpu" if device is None and scene.needs_native else device)
         if scene.forces and not simulator.measures_forces:
             raise InputError(f"{self.name} computes no forces on solids; use the simulator dfsph, or omit 'forces'")
-        self._units, self._start_time = scene.units, scene.start_time
+        self._start_time = scene.start_time
         self.motion = SceneMotion(scene)
         if scene.is_open:
             check_taps_and_drains(scene, self.motion.solids)
@@ -146,6 +146,7 @@ class Simulation:
         self.surface = self.motion.solids.still
         solid = self.motion.solids.at_time(self._start_time)
         self.particles = start_of(scene, solid) if particles is None else particles
+        self._units = scene.units.around(scene, self.particles)
         self._environment = self._make_environment(self.motion.solids)
         start = self._units.particles_to_solver(self.particles)
         positions, velocities = (

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import json
 import shutil
+import sys
 import time
 from collections.abc import Callable, Iterable, Mapping
+from contextlib import nullcontext, suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -14,6 +16,7 @@ import torch
 
 from surfsup import __version__
 from surfsup.errors import InputError, Interrupted
+from surfsup.io.atomic_file import atomic_file
 from surfsup.io.trajectory import Provenance, TrajectoryWriter
 from surfsup.scene import Container, Scene
 from surfsup.scene.pose import Pose
@@ -107,7 +110,8 @@ class OutputFolder:
     ) -> Summary:
         """Write the frames while the simulator computes them, then the summary.
 
-        After an interrupt the trajectory holds the finished frames and the summary describes them.
+        After an interrupt the trajectory holds the finished frames and the summary describes them. If there was an
+        older trajectory, it stays as it is, and the new frames are beside it.
 
         Args:
             scene: the simulated scene.
@@ -141,9 +145,10 @@ class OutputFolder:
         except KeyboardInterrupt:
             if not writer.frames:
                 raise
-            kept = f"{writer.frames} of {scene.frames} frames are kept in {self.trajectory}"
+            kept = f"{writer.frames} of {scene.frames} frames are kept in {writer.path}"
             raise Interrupted(kept) from None
         finally:
+            failing = sys.exc_info()[0] is not None
             done = writer.frames  # an interrupt may occur between counting a frame and writing it
             penetrations, out_of_container = (sum(column) for column in zip((0, 0), *counts[:done], strict=True))
             summary = Summary(
@@ -158,8 +163,10 @@ class OutputFolder:
                 entered=writer.entered,
                 left=writer.left,
             )
-            if done:
-                self.summary.write_text(json.dumps(asdict(summary), indent=2) + "\n")
+            if done and writer.path == self.trajectory:
+                # An error before, such as a full disk, says more than the same one here.
+                with suppress(OSError) if failing else nullcontext(), atomic_file(self.summary) as partial:
+                    partial.write_text(json.dumps(asdict(summary), indent=2) + "\n")
         return summary
 
 

@@ -16,6 +16,7 @@ from surfsup.native.dispatch import tensors_requiring_grad
 from surfsup.scene import Scene
 from surfsup.scene.solids import Solids, build_solids
 from surfsup.sdf import Surface, Transformed
+from surfsup.sdf.edges import with_edges
 from surfsup.sph.boundary.boundary_map import BoundaryMap
 from surfsup.sph.impulses import Impulses
 from surfsup.sph.moving import FrameMotion, MovingSolids
@@ -34,7 +35,7 @@ class Environment:
     """Solid, container and gravity. They are constant; if one changes, make a new environment.
 
     Attributes:
-        surface: the solid that stands still, or None.
+        surface: the solid that stands still, or None; with the true distance beside edges of parts that are cut off.
         lower, upper: (3,) corners of the container, meters.
         gravity: (3,), m/s².
         boundary_map: the solid's volume map. None without a solid, and for solids whose shape requires a gradient:
@@ -82,7 +83,7 @@ class Environment:
         if solids is None and scene.moves:
             solids = build_solids(scene)
         return cls(
-            None if surface is None else surface_on(surface, device),
+            None if surface is None else surface_on(with_edges(surface), device),
             torch.tensor(container.lower, device=device),
             torch.tensor(container.upper, device=device),
             torch.tensor(scene.gravity, device=device),
