@@ -166,8 +166,10 @@ class Units:
         """A tap of a scene in the units of the solver, whose time 0 is ``start_time`` seconds of the scene."""
         return replace(
             nozzle,
-            points=nozzle.points / self.length,
-            velocity=nozzle.velocity / self.velocity,
+            center=nozzle.center / self.length,
+            sides=nozzle.sides / self.length,
+            half=nozzle.half / self.length,
+            speed=nozzle.speed / self.velocity,
             interval=nozzle.interval / self.time,
             start=self.time_to_solver(nozzle.start, start_time),
             until=self.time_to_solver(nozzle.until, start_time),
