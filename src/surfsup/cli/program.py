@@ -20,6 +20,7 @@ from surfsup.cli.evaluate import evaluate
 from surfsup.cli.export import export
 from surfsup.cli.fit import fit
 from surfsup.cli.generate import floor, generate
+from surfsup.cli.live import live
 from surfsup.cli.option_groups import expand_option_groups
 from surfsup.cli.options import split_vectors
 from surfsup.cli.reference import reference
@@ -39,7 +40,7 @@ app = typer.Typer(
     rich_markup_mode=None,
 )
 
-WATER = (simulate, sweep, reference, compare, view, render, export, convert)
+WATER = (simulate, sweep, reference, compare, view, live, render, export, convert)
 LEARNING = (generate, floor, train, evaluate, design)
 for verb in (*WATER, *LEARNING, doctor):
     app.command()(expand_option_groups(verb))
