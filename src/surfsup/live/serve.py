@@ -11,14 +11,14 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from surfsup.errors import InputError, SimulationError
-from surfsup.live.pace import Pace, Rates
 from surfsup.live.page import LivePage
+from surfsup.live.real_time import Rates, RealTime
 from surfsup.live.world import LiveWorld
 from surfsup.scene import Scene
 
 PICTURES = 40.0  # per second at most
 LONGEST = 1 / 32  # seconds of steps before a picture
-IDLE = 0.05  # seconds between two looks for commands while nothing runs
+IDLE = 0.05  # seconds between two checks for commands while nothing runs
 REPORT = 0.25  # seconds between two updates of the rates
 
 
@@ -74,19 +74,19 @@ class LiveServer:
 
     def run(self, until: Callable[[], bool] = lambda: False) -> None:
         """Serve until a condition holds; without a browser, and no recording, the water waits."""
-        world, pace, clock = self._world, Pace(self._world.frame_time, time.monotonic()), time.monotonic
+        world, timing, clock = self._world, RealTime(self._world.frame_time, time.monotonic()), time.monotonic
         while not until():
             self._obey()
-            pace.frame_time = world.frame_time
+            timing.frame_time = world.frame_time
             watched = bool(self._server.get_clients()) or world.recording is not None
             if self._page.paused or not watched:
                 time.sleep(IDLE)
-                pace.restart(clock())
+                timing.restart(clock())
                 self._report(clock())
                 continue
             # Steps come first, for real time; pictures are due even where the steps take longer than that.
             start, before = clock(), world.simulation.time
-            while pace.due(clock()) and clock() < start + LONGEST and self._step():
+            while timing.due(clock()) and clock() < start + LONGEST and self._step():
                 pass
             if world.simulation.time != before:
                 self._page.show(world.frame, world)

@@ -1,4 +1,4 @@
-"""The pace of a live simulation: how many steps are due, and the rates that were reached."""
+"""Real time: whether a step is due, and the rates that were reached."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ LAG = 0.1  # seconds behind real time beyond which lost time is given up
 WINDOW = 1.0  # seconds over which rates are measured
 
 
-class Pace:
+class RealTime:
     """Keeps simulated time with the clock.
 
     Args:

@@ -1,30 +1,30 @@
 import pytest
 
-from surfsup.live.pace import LAG, Pace, Rates
+from surfsup.live.real_time import LAG, Rates, RealTime
 
 
 def test_a_fast_simulation_is_in_real_time():
-    pace, steps = Pace(0.005, 10.0), 0
+    timing, steps = RealTime(0.005, 10.0), 0
     for millisecond in range(1000):
-        while pace.due(10.0 + millisecond / 1000):
+        while timing.due(10.0 + millisecond / 1000):
             steps += 1
     assert steps == 200
 
 
 def test_a_slow_simulation_gives_up_time_instead_of_running_after_it():
-    pace, now = Pace(0.005, 0.0), 0.0
+    timing, now = RealTime(0.005, 0.0), 0.0
     for _ in range(100):
-        assert pace.due(now)
+        assert timing.due(now)
         now += 0.050  # a step takes ten times as long as it simulates
-    late = sum(pace.due(now) for _ in range(1000))
+    late = sum(timing.due(now) for _ in range(1000))
     assert late * 0.005 <= LAG + 0.050
 
 
 def test_a_pause_is_not_made_up_for():
-    pace = Pace(0.005, 0.0)
-    assert pace.due(0.0) and not pace.due(0.001)
-    pace.restart(60.0)
-    assert pace.due(60.0) and not pace.due(60.001)
+    timing = RealTime(0.005, 0.0)
+    assert timing.due(0.0) and not timing.due(0.001)
+    timing.restart(60.0)
+    assert timing.due(60.0) and not timing.due(60.001)
 
 
 def test_rates_are_those_of_the_last_second():
