@@ -138,6 +138,7 @@ class Simulation:
         if scene.forces and not simulator.measures_forces:
             raise InputError(f"{self.name} computes no forces on solids; use the simulator dfsph, or omit 'forces'")
         self._start_time = scene.start_time
+        self._gravity: torch.Tensor | None = None  # of set_gravity
         self.motion = SceneMotion(scene)
         if scene.is_open:
             check_taps_and_drains(scene, self.motion.solids)
@@ -249,10 +250,24 @@ class Simulation:
         self._state = replace(self._state, poses={name: rest[name], **self._state.poses})
         self._start = replace(self._start, poses=rest)
 
+    def set_gravity(self, gravity: Sequence[float] | np.ndarray) -> None:
+        """Let another gravity (3,) in m/s² act from the next step on; :meth:`reset` keeps it.
+
+        Raises:
+            InputError: it is not three finite numbers.
+        """
+        vector = np.array(gravity, np.float32)
+        if vector.shape != (3,) or not np.isfinite(vector).all():
+            raise InputError(f"gravity is three finite numbers of m/s² (found {gravity})")
+        self._gravity = torch.from_numpy(vector).to(self._device)
+        self._environment = replace(self._environment, gravity=self._gravity)
+
     def _make_environment(self, scene_solids: Solids) -> Environment:
         solids = self._units.solids_to_solver(scene_solids, self._start_time)
         solver_scene = self._units.scene_to_solver(self.scene)
         environment = Environment.of(solver_scene, solids.still, self._device, solids)
+        if self._gravity is not None:
+            environment = replace(environment, gravity=self._gravity)
         self._simulator.check_knows(environment)
         return environment
 
