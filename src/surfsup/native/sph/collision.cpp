@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "sph/collision_steps.hpp"
+#include "sph/crossing.hpp"
 
 namespace surfsup {
 namespace {
@@ -51,6 +52,8 @@ void resolve_collisions(const float* before, float* positions, float* velocities
     const auto contain_particle = [&](int64_t i) { return contain(positions + 3 * i, velocities + 3 * i, lower, upper); };
     for (int64_t i = 0; i < count; ++i) collided[i] = contain_particle(i);
     if (!solid) return;
+    for (const int32_t i : stop_crossings(solid, last_query, before, positions, count, parameters.clearance))
+        collided[i] = true;
     std::vector<int32_t> active;
     if (last_query) {
         active = possibly_near(positions, *last_query, count, parameters.clearance);
