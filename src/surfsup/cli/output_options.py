@@ -26,6 +26,12 @@ class OutputOptions:
     export: Annotated[str | None, typer.Option(metavar="FORMAT", help="Export too; see surfsup export.")] = None
     export_fps: Annotated[float, typer.Option(help="Frames per second of the export.")] = 24.0
 
+    def interrupted(self, source: Path) -> Path:
+        """The trajectory of the run of ``source`` that was interrupted: beside an older one, or alone."""
+        folder = self.out or Path("out") / source.stem
+        beside = folder / "trajectory.new.h5"
+        return beside if beside.exists() else folder / "trajectory.h5"
+
     def create_folder(self, source: Path, particles: int, frames: int) -> OutputFolder:
         """Create the output folder of a simulation of ``source``, and keep other runs out of it.
 
@@ -70,7 +76,8 @@ class OutputOptions:
             typer.echo(f"{summary.entered} particles entered through taps, {summary.left} left through drains")
         typer.echo(
             f"{summary.particles} particles, {summary.frames} frames in {summary.seconds:.1f} s "
-            f"({summary.ms_per_frame:.1f} ms per frame); {summary.penetrations} in the solid, "
+            f"({summary.start_up:.1f} s to start, {summary.ms_per_frame:.1f} ms per frame, "
+            f"{summary.writing:.1f} s to write); {summary.penetrations} in the solid, "
             f"{summary.out_of_container} out of the container"
         )
         typer.echo(f"trajectory  {folder.trajectory}")
