@@ -17,14 +17,20 @@ from surfsup.learned.loading import DEFAULT_SIMULATOR, load_simulator
 from surfsup.scene import FRAME_TIME, InitialParticles, Scene
 from surfsup.scene.pose import NO_ROTATION, Pose, between
 from surfsup.scene.solids import Solids
+from surfsup.scene.tap_checks import check_taps_and_drains
+from surfsup.scene.wrench import Wrench
 from surfsup.sph.collision import resolve_collisions
 from surfsup.sph.device import choose_device
 from surfsup.sph.environment import Environment
 from surfsup.sph.interpolation import ROUNDING, hermite
+from surfsup.sph.mean_forces import MeanForces
 from surfsup.sph.moving import FrameMotion, MovingSolids
+from surfsup.sph.open_water import OpenState, Passages, WithTaps, common_particles
 from surfsup.sph.scene_motion import SceneMotion, warn_jumps
 from surfsup.sph.settle import start_of
 from surfsup.sph.simulator import FluidState, Simulator
+
+NO_FORCES: Mapping[str, Wrench] = {}
 
 
 @dataclass(frozen=True)
@@ -36,6 +42,9 @@ class Frame:
         positions: (N, 3) float32, meters.
         velocities: (N, 3) float32, m/s.
         poses: of the solids that move, and of a container that moves, by name.
+        ids: (N,) int64, ascending; a particle keeps its id. 0 to N - 1 where water neither enters nor leaves.
+        forces: force and torque of the fluid on the solids that the scene names under ``forces``, mean over the time
+            since the frame before. The first frame has none.
 
     Examples:
         >>> import surfsup as sf
@@ -49,6 +58,8 @@ class Frame:
     positions: np.ndarray
     velocities: np.ndarray
     poses: Mapping[str, Pose] = field(default_factory=dict)
+    ids: np.ndarray = field(default_factory=lambda: np.empty(0, np.int64))
+    forces: Mapping[str, Wrench] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -60,6 +71,7 @@ class SimulationState:
         fluid: the simulator's own state, with tensors ``positions`` and ``velocities`` (N, 3), in the units of the
             simulator (:class:`surfsup.scene.Units`); with particles of 15 mm these are meters and m/s.
         poses: of all that moves, by name, in the units of the scene.
+        forces: on the solids in the last step, mean, by name, in the units of the scene.
 
     Examples:
         >>> import surfsup as sf
@@ -74,6 +86,7 @@ class SimulationState:
     frame: int
     fluid: FluidState
     poses: Mapping[str, Pose] = field(default_factory=dict)
+    forces: Mapping[str, Wrench] = field(default_factory=dict)
 
 
 class Simulation:
@@ -121,14 +134,20 @@ class Simulation:
         self.name = simulator if isinstance(simulator, str) else type(simulator).__name__
         if isinstance(simulator, str):
             simulator, _ = load_simulator(simulator)
-        self._device = choose_device("cpu" if device is None and scene.moves else device)
-        self._simulator = simulator.to(self._device)
-        self._units, self._start_time = scene.units, scene.start_time
+        self._device = choose_device("cpu" if device is None and scene.needs_native else device)
+        if scene.forces and not simulator.measures_forces:
+            raise InputError(f"{self.name} computes no forces on solids; use the simulator dfsph, or omit 'forces'")
+        self._start_time = scene.start_time
         self._gravity: torch.Tensor | None = None  # of set_gravity
         self.motion = SceneMotion(scene)
+        if scene.is_open:
+            check_taps_and_drains(scene, self.motion.solids)
+            simulator = WithTaps(simulator, Passages.of(scene, self.motion.solids, self._start_time))
+        self._simulator: Simulator[Any] = simulator.to(self._device)
         self.surface = self.motion.solids.still
         solid = self.motion.solids.at_time(self._start_time)
         self.particles = start_of(scene, solid) if particles is None else particles
+        self._units = scene.units.around(scene, self.particles)
         self._environment = self._make_environment(self.motion.solids)
         start = self._units.particles_to_solver(self.particles)
         positions, velocities = (
@@ -151,7 +170,9 @@ class Simulation:
     @property
     def frame(self) -> Frame:
         """The particles now."""
-        return self._as_frame(self.time, self._state.fluid.positions, self._state.fluid.velocities, self._state.poses)
+        state = self._state
+        fluid = state.fluid
+        return self._as_frame(self.time, fluid.positions, fluid.velocities, state.poses, ids_of(fluid), state.forces)
 
     def reset(self, state: SimulationState | None = None) -> None:
         """Return to an earlier state of this simulation, or of one of the same scene; by default to the start.
@@ -188,8 +209,12 @@ class Simulation:
             motion = self._motion_between(environment.moving, self._state.poses, poses)
             warn_jumps(motion, number, self._units)
             environment = environment.moved(motion)
+        if self.scene.forces:
+            environment = environment.measured()
         fluid, _ = self._simulator.step(self._state.fluid, environment, self.handle_collisions)
-        self._state = SimulationState(number, fluid, poses)
+        impulses = environment.impulses
+        forces = {} if impulses is None else impulses.wrenches(self._units, self.scene.density)
+        self._state = SimulationState(number, fluid, poses, forces)
         return self.frame
 
     def set_pose(
@@ -261,13 +286,29 @@ class Simulation:
             InputError: a value is out of range.
             SimulationError: as :meth:`step`.
         """
+        return self._frames(self._state.frame, *self._steps(seconds, fps))
+
+    def most_ids(self, seconds: float | None = None) -> int:
+        """The number of ids up to the last frame of :meth:`run`: of particles that are or were in the scene by then.
+
+        Raises:
+            InputError: as :meth:`run`.
+        """
+        fluid = self._state.fluid
+        if not isinstance(self._simulator, WithTaps) or not isinstance(fluid, OpenState):
+            return len(fluid.positions)
+        steps, interval = self._steps(seconds)
+        return self._simulator.count(fluid, (math.ceil(steps / interval - ROUNDING) - 1) * interval)
+
+    def _steps(self, seconds: float | None, fps: float | None = None) -> tuple[float, float]:
+        """The steps in ``seconds``, and those from frame to frame; see :meth:`run`."""
         frame_time = self._units.frame_time
         rate = self.scene.fps if fps is None else fps
         interval = 1.0 if rate is None else 1 / (rate * frame_time) if rate > 0 else math.inf
         steps = self.scene.frames * interval if seconds is None else seconds / frame_time
         if not (0 < steps < math.inf and 1 - ROUNDING <= interval < math.inf):
             raise InputError(f"seconds must be above 0 and fps above 0 and at most {1 / frame_time:.5g}")
-        return self._frames(self._state.frame, steps, interval)
+        return steps, interval
 
     def record(self, path: str | Path, seconds: float | None = None) -> None:
         """Run for a while and write every frame to a trajectory file.
@@ -280,20 +321,23 @@ class Simulation:
             InputError: the file cannot be written, or the scene has a surface that no file describes.
             SimulationError: as :meth:`step`.
         """
-        frames = self.run(seconds)
-        count = len(self._state.fluid.positions)
+        frames, count = self.run(seconds), self.most_ids(seconds)
         with TrajectoryWriter(Path(path), self.scene, Provenance(self.name), count, start_time=self.time) as writer:
             for frame in frames:
-                writer.append(frame.positions, frame.velocities, frame.poses)
+                writer.append(frame.positions, frame.velocities, frame.poses, frame.ids, frame.forces)
 
     def _frames(self, first: int, steps: float, interval: float) -> Iterator[Frame]:
-        before = self._state
+        before, means = self._state, MeanForces()
         for number in range(math.ceil(steps / interval - ROUNDING)):
             target = first + number * interval
             while self._state.frame < target - ROUNDING:
                 before = self._state
                 self.step()
-            yield self._between(before, target)
+                means.add(self._state.frame, self._state.forces)
+            frame = self._between(before, target)
+            yield (
+                frame if number == 0 else replace(frame, forces=self._requested(means.mean(target - interval, target)))
+            )
         while self._state.frame < first + steps - ROUNDING:
             self.step()
 
@@ -303,6 +347,9 @@ class Simulation:
         if part > 1 - ROUNDING:
             return self.frame
         old, new = before.fluid, self._state.fluid
+        ids = ids_of(new)
+        if isinstance(old, OpenState) and isinstance(new, OpenState):
+            old, new, ids = common_particles(old, new, part)
         positions, velocities = hermite((old.positions, old.velocities), (new.positions, new.velocities), part)
         environment, poses = self._environment, before.poses
         if environment.moving is not None:
@@ -313,7 +360,7 @@ class Simulation:
             result = resolve_collisions(old.positions, positions, velocities, environment)
             positions, velocities = result.positions, result.velocities
         time = self._start_time + target * self._units.frame_time
-        return self._as_frame(time, positions, velocities, poses)
+        return self._as_frame(time, positions, velocities, poses, ids)
 
     def _motion_between(
         self, moving: MovingSolids, start: Mapping[str, Pose], end: Mapping[str, Pose], part: float = 1.0
@@ -322,9 +369,25 @@ class Simulation:
         before, after = ({name: self._units.pose_to_solver(pose) for name, pose in of.items()} for of in (start, end))
         return moving.between(before, after, part * FRAME_TIME)
 
+    def _requested(self, forces: Mapping[str, Wrench]) -> Mapping[str, Wrench]:
+        """The forces on the solids that the scene names."""
+        names = self.scene.solid_names if self.scene.forces == "all" else self.scene.forces
+        return {name: forces[name] for name in names if name in forces}
+
     def _as_frame(
-        self, time: float, positions: torch.Tensor, velocities: torch.Tensor, poses: Mapping[str, Pose]
+        self,
+        time: float,
+        positions: torch.Tensor,
+        velocities: torch.Tensor,
+        poses: Mapping[str, Pose],
+        ids: np.ndarray,
+        forces: Mapping[str, Wrench] = NO_FORCES,
     ) -> Frame:
         """A frame with copies of the particles as NumPy arrays, in the units of the scene."""
         arrays = (values.detach().float().cpu().numpy().copy() for values in (positions, velocities))
-        return Frame(time, *self._units.frame_from_solver(*arrays), poses)
+        return Frame(time, *self._units.frame_from_solver(*arrays), poses, ids, self._requested(forces))
+
+
+def ids_of(fluid: FluidState) -> np.ndarray:
+    """The ids (N,) of the particles of a state."""
+    return fluid.ids if isinstance(fluid, OpenState) else np.arange(len(fluid.positions))

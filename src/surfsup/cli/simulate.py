@@ -29,12 +29,12 @@ def simulate(
     simulator, card = load_simulator(simulator_name)
     name = card.name if card else simulator_name
     scene = scene_options.read()
-    device = choose_device("cpu" if device is None and scene.moves else device)  # moving solids run on CPUs only
+    device = choose_device("cpu" if device is None and scene.needs_native else device)
     if card and card.training_domain and (warning := card.training_domain.warning(scene)):
         warnings.warn(warning, stacklevel=1)
     simulation = Simulation(scene, simulator, device, handle_collisions=not no_collisions)
-    folder = output.create_folder(scene_options.source, len(simulation.particles.positions), scene.frames)
-    frames = ((frame.positions, frame.velocities, frame.poses) for frame in simulation.run())
+    folder = output.create_folder(scene_options.source, simulation.most_ids(), scene.frames)
+    frames = ((frame.positions, frame.velocities, frame.poses, frame.ids, frame.forces) for frame in simulation.run())
     with progress_bar(f"simulating with {name}") as bar:
         summary = folder.record(scene, simulation.motion.solids, frames, Provenance(name), device, bar)
     output.finish(folder, summary, simulation.particles.excluded)

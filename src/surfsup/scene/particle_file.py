@@ -177,8 +177,12 @@ def read_trajectory(path: Path, frame: int | None) -> FileParticles:
         if not 0 <= number < count:
             frames = f"the frames 0 to {count - 1}, not {number}" if count else "no frames"
             raise InputError(f"{path}: has {frames}")
+        values = [data[number] for data in (positions, velocities)]
+        if "00000/lifetime" in file:  # the particles that are in the scene in this frame
+            first, end = file["00000/lifetime"][:].T
+            values = [data[(first <= number) & (number < end)] for data in values]
         time = float(file.attrs.get("start_time", 0.0)) + number * float(file.attrs["frame_time"])
-        return FileParticles(positions[number], velocities[number], float(file.attrs["radius"]), time)
+        return FileParticles(values[0], values[1], float(file.attrs["radius"]), time)
 
 
 def end_time(path: Path) -> float:

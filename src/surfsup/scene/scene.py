@@ -6,7 +6,7 @@ import math
 import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import yaml
 from pydantic import Field, GetPydanticSchema, PrivateAttr, ValidationError, field_validator, model_validator
@@ -20,9 +20,10 @@ from surfsup.scene.mesh_surface import MeshFileSurface
 from surfsup.scene.particle_file import ParticleFile, end_time
 from surfsup.scene.safe_yaml import parse_yaml
 from surfsup.scene.shapes import KINDS, Shape
-from surfsup.scene.solids import CONTAINER, NamedShape, as_named_shape, build_solids
+from surfsup.scene.solids import CONTAINER, SINGLE, NamedShape, as_named_shape, build_solids
 from surfsup.scene.start import initial_particles
-from surfsup.scene.strict_model import Finite, Length, StrictModel, Velocity, for_callers_only
+from surfsup.scene.strict_model import Density, Finite, Length, StrictModel, Velocity, for_callers_only
+from surfsup.scene.taps import Drain, Passage, Tap
 from surfsup.scene.units import Units
 from surfsup.scene.validation_error import format_validation_error
 from surfsup.sdf import Surface
@@ -65,9 +66,15 @@ class Scene(StrictModel):
         fps: frames per second; by default each frame of the simulator, 5 ms · √(particle_radius / 15 mm), is one.
         duration: seconds, instead of ``frames``.
         restart: a trajectory whose last frame replaces the start of the fluid; time continues.
+        taps: from which water enters; ``fluid`` may then be empty.
+        drains: in which water leaves.
+        forces: names of the solids on which the force of the fluid is recorded, or ``all``. The walls are
+            ``container``, a single surface is ``surface``.
+        density: of the fluid at rest, kg/m³.
 
     Raises:
-        InputError: a value is out of range, or ``frames`` and ``duration`` contradict each other.
+        InputError: a value is out of range, ``frames`` and ``duration`` contradict each other, or a name under
+            ``forces`` is that of no solid.
 
     Examples:
         >>> import surfsup as sf
@@ -79,20 +86,24 @@ class Scene(StrictModel):
     container: Container = STANDARD_CONTAINER
     surface: Annotated[Shape | Surface | None, SurfaceSchema] = None
     surfaces: dict[str, Annotated[NamedShape | Surface, NamedSchema]] = Field(default_factory=dict)
-    fluid: list[Fluid] = Field(min_length=1)
+    fluid: list[Fluid]
     gravity: Velocity = (0.0, 0.0, -9.81)
     frames: int = Field(default=800, ge=1)
     particle_radius: Finite = PARTICLE_RADIUS
     fps: Length | None = None
     duration: Length | None = None
     restart: Path | None = None
+    taps: list[Tap] = Field(default_factory=list)
+    drains: list[Drain] = Field(default_factory=list)
+    forces: Literal["all"] | list[str] = Field(default_factory=list)
+    density: Density = 1000.0
     _folder: Path = PrivateAttr(default=Path())
 
     @for_callers_only
     def __init__(
         self,
         *,
-        fluid: Sequence[Block | Fill | ParticleFile | Fluid],
+        fluid: Sequence[Block | Fill | ParticleFile | Fluid] = (),
         surface: Shape | Surface | None = None,
         surfaces: Mapping[str, Shape | Surface] | None = None,
         container: Container = STANDARD_CONTAINER,
@@ -102,6 +113,10 @@ class Scene(StrictModel):
         fps: float | None = None,
         duration: float | None = None,
         restart: Path | str | None = None,
+        taps: Sequence[Tap] = (),
+        drains: Sequence[Drain] = (),
+        forces: Literal["all"] | Sequence[str] = (),
+        density: float = 1000.0,
     ) -> None:
         entries = [Fluid.of(entry) for entry in fluid]
         given = {} if frames is None else {"frames": frames}
@@ -115,6 +130,10 @@ class Scene(StrictModel):
             fps=fps,
             duration=duration,
             restart=restart,
+            taps=list(taps),
+            drains=list(drains),
+            forces=forces if forces == "all" else list(forces),
+            density=density,
             **given,
         )
 
@@ -136,6 +155,14 @@ class Scene(StrictModel):
                 raise ValueError(f"surfaces: '{name}' cannot be the name of a surface; choose another")
         return values
 
+    @model_validator(mode="before")
+    @classmethod
+    def allow_empty_start(cls, values: Any) -> Any:
+        """A scene with taps may begin without fluid."""
+        if isinstance(values, dict) and values.get("taps") and "fluid" not in values:
+            return {**values, "fluid": []}
+        return values
+
     @field_validator("particle_radius")
     @classmethod
     def check_radius(cls, radius: float) -> float:
@@ -143,6 +170,27 @@ class Scene(StrictModel):
         if not MIN_RADIUS <= radius <= MAX_RADIUS:
             raise ValueError(f"must be from {MIN_RADIUS:g} to {MAX_RADIUS:g} m")
         return radius
+
+    @model_validator(mode="after")
+    def check_water(self) -> Scene:
+        """Require water, taps that particles fit through, and carriers that are there."""
+        if not self.fluid and not self.taps:
+            raise ValueError("fluid: is empty, and there are no taps; give water or a tap")
+        carriers = (*self.surfaces, CONTAINER)
+        passages: dict[str, Sequence[Passage]] = {"taps": self.taps, "drains": self.drains}
+        for key, entries in passages.items():
+            for number, entry in enumerate(entries):
+                try:
+                    if isinstance(entry, Tap):
+                        entry.check_opening(self.spacing)
+                except ValueError as error:
+                    raise ValueError(f"{key}.{number}.{error}") from None
+                if entry.carrier is not None and entry.carrier not in carriers:
+                    known = ", ".join(self.surfaces) or "none; name them under 'surfaces'"
+                    raise ValueError(
+                        f"{key}.{number}.carrier: there is no surface '{entry.carrier}'; the scene's are {known}"
+                    )
+        return self
 
     @model_validator(mode="after")
     def check_blocks(self) -> Scene:
@@ -166,6 +214,23 @@ class Scene(StrictModel):
                     motion.spin.check_turn(self.units.frame_time)
             except ValueError as error:
                 raise ValueError(f"{place}: {error}") from None
+        return self
+
+    @field_validator("forces", mode="before")
+    @classmethod
+    def check_forces(cls, names: Any) -> Any:
+        """Require ``all`` or names."""
+        if names == "all" or (isinstance(names, list) and all(isinstance(name, str) for name in names)):
+            return names
+        raise ValueError("must be 'all' or a list of names of solids")
+
+    @model_validator(mode="after")
+    def check_force_names(self) -> Scene:
+        """Refuse forces on solids that are not there."""
+        known = self.solid_names
+        if unknown := [name for name in self.forces if name not in known and self.forces != "all"]:
+            there = ", ".join(known) or "none, and the container is open"
+            raise ValueError(f"forces: there is no solid '{unknown[0]}'; those of the scene are {there}")
         return self
 
     @model_validator(mode="after")
@@ -265,7 +330,7 @@ class Scene(StrictModel):
                 f"{type(self.surfaces[missing[0]]).__name__} object; give a Shape, or a surface from load_mesh"
             )
         data = self.model_copy(update={"surface": shape, "surfaces": named}).model_dump(
-            mode="json", exclude_defaults=True
+            mode="json", exclude_defaults=True, by_alias=True
         )
         return yaml.safe_dump(data, sort_keys=False, default_flow_style=None)
 
@@ -311,16 +376,33 @@ class Scene(StrictModel):
             },
             "fluid": [entry.map_files(relocate) for entry in self.fluid],
             "restart": None if self.restart is None else relocate(self.restart),
+            "drains": [drain.map_files(relocate) for drain in self.drains],
         }
         if shake is not None:
             changes["container"] = self.container.model_copy(update={"motion": shake.map_files(relocate)})
         return self.model_copy(update=changes).with_base_folder(folder)
 
     @property
+    def solid_names(self) -> tuple[str, ...]:
+        """The names under which forces on solids are recorded."""
+        walls = () if self.container.open else (CONTAINER,)
+        return *walls, *(() if self.surface is None else (SINGLE,)), *self.surfaces
+
+    @property
+    def needs_native(self) -> bool:
+        """Whether the scene needs the C++ code, on the CPU: something moves, or forces are requested."""
+        return self.moves or bool(self.forces)
+
+    @property
     def moves(self) -> bool:
         """Whether a surface or the container has a motion."""
         entries = [self.container, *self.surfaces.values()]
         return any(getattr(entry, "motion", None) is not None for entry in entries)
+
+    @property
+    def is_open(self) -> bool:
+        """Whether water enters or leaves, so that the number of particles varies."""
+        return bool(self.taps or self.drains)
 
     def with_base_folder(self, folder: Path) -> Scene:
         """A copy whose relative paths start at ``folder``."""

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
 import torch
 
 from surfsup.errors import InputError
@@ -20,7 +21,9 @@ from surfsup.sdf import Surface, Transformed, Union
 if TYPE_CHECKING:
     from surfsup.scene.scene import Scene
 
-CONTAINER = "container"  # the name under which the container moves
+CONTAINER = "container"  # the name under which the container moves, and of forces on its walls
+SINGLE = "surface"  # the name of the surface of a scene without names
+MAX_OWN_DISTANCE = 1000.0  # meters of a point of a moving solid from its own origin, where floats are 0.06 mm apart
 
 
 class NamedShape(Shape):
@@ -36,8 +39,19 @@ class NamedShape(Shape):
         return Pose.of(self.at, rotation)
 
     def own_surface(self, folder: Path) -> Surface:
-        """The surface in its own frame: scaled, neither rotated nor moved."""
-        return self.model_copy(update={"rotate": None, "at": (0.0, 0.0, 0.0)}).surface(folder)
+        """The surface in its own frame: scaled, neither rotated nor moved.
+
+        Raises:
+            InputError: a file is missing or unusable, or the surface lies far from its own origin.
+        """
+        surface = self.model_copy(update={"rotate": None, "at": (0.0, 0.0, 0.0)}).surface(folder)
+        distance = float(surface.bounds().abs().max())
+        if distance > MAX_OWN_DISTANCE:
+            raise InputError(
+                f"surfaces: one that moves lies up to {distance:.4g} m from the origin of its own file, about which it "
+                "turns; give a mesh 'fit', which centers it"
+            )
+        return surface
 
     def map_files(self, function: Callable[[Path], Path]) -> NamedShape:
         """A copy with ``function`` applied to the path of every file, that of its motion too."""
@@ -66,6 +80,21 @@ class MovingSolid:
 
 
 @dataclass(frozen=True)
+class StillSolid:
+    """A solid that stands still.
+
+    Attributes:
+        name: its key under ``surfaces``, or ``surface``.
+        surface: in the world.
+        origin: (3,) meters, where ``at`` puts it; that of the world for an object that no file describes.
+    """
+
+    name: str
+    surface: Surface
+    origin: np.ndarray
+
+
+@dataclass(frozen=True)
 class Solids:
     """The solids of a scene.
 
@@ -73,11 +102,13 @@ class Solids:
         still: the union of all that stands still, or None.
         moving: those that move.
         container: the pose of a container that moves, or None.
+        parts: of ``still``.
     """
 
     still: Surface | None
     moving: tuple[MovingSolid, ...] = ()
     container: PoseFunction | None = None
+    parts: tuple[StillSolid, ...] = ()
 
     @property
     def move(self) -> bool:
@@ -113,11 +144,14 @@ def build_solids(scene: Scene, movable: Collection[str] = ()) -> Solids:
     if unknown := [name for name in movable if name not in scene.surfaces and name != CONTAINER]:
         known = ", ".join(scene.surfaces) or "none; name them under 'surfaces'"
         raise InputError(f"there is no surface '{unknown[0]}' to move; the scene's are {known}")
-    still, moving = [] if scene.surface is None else [scene.build_single_surface()], []
+    parts, moving = [], []
+    if (single := scene.build_single_surface()) is not None:
+        parts.append(StillSolid(SINGLE, single, origin_of(scene.surface)))
     for name, entry in scene.surfaces.items():
         motion = entry.motion if isinstance(entry, NamedShape) else None
         if motion is None and name not in movable:
-            still.append(entry.surface(scene.base_folder) if isinstance(entry, Shape) else entry)
+            surface = entry.surface(scene.base_folder) if isinstance(entry, Shape) else entry
+            parts.append(StillSolid(name, surface, origin_of(entry)))
             continue
         shape = as_named_shape(entry)
         if shape is None:
@@ -130,8 +164,19 @@ def build_solids(scene: Scene, movable: Collection[str] = ()) -> Solids:
     container, shaken = None, scene.container.motion
     if shaken is not None or CONTAINER in movable:
         container = constant(Pose.of()) if shaken is None else shaken.pose_function(Pose.of(), scene.base_folder)
-    parts = [surface for surface in still if surface is not None]
-    return Solids(None if not parts else parts[0] if len(parts) == 1 else Union(*parts), tuple(moving), container)
+    return Solids(union_of(parts), tuple(moving), container, tuple(parts))
+
+
+def union_of(parts: Sequence[StillSolid]) -> Surface | None:
+    """All ``parts`` as one surface, None without any."""
+    surfaces = [part.surface for part in parts]
+    return None if not surfaces else surfaces[0] if len(surfaces) == 1 else Union(*surfaces)
+
+
+def origin_of(entry: Shape | Surface | None) -> np.ndarray:
+    """The origin (3,) of a surface in the world, meters."""
+    shape = entry.shape if isinstance(entry, MeshFileSurface) else entry
+    return np.array(shape.at if isinstance(shape, Shape) else (0.0, 0.0, 0.0))
 
 
 def as_named_shape(entry: Shape | Surface) -> NamedShape | None:

@@ -16,7 +16,9 @@ from surfsup.native.dispatch import tensors_requiring_grad
 from surfsup.scene import Scene
 from surfsup.scene.solids import Solids, build_solids
 from surfsup.sdf import Surface, Transformed
+from surfsup.sdf.edges import with_edges
 from surfsup.sph.boundary.boundary_map import BoundaryMap
+from surfsup.sph.impulses import Impulses
 from surfsup.sph.moving import FrameMotion, MovingSolids
 
 
@@ -33,14 +35,16 @@ class Environment:
     """Solid, container and gravity. They are constant; if one changes, make a new environment.
 
     Attributes:
-        surface: the solid that stands still, or None.
+        surface: the solid that stands still, or None; with the true distance beside edges of parts that are cut off.
         lower, upper: (3,) corners of the container, meters.
         gravity: (3,), m/s².
         boundary_map: the solid's volume map. None without a solid, and for solids whose shape requires a gradient:
             these act through distance and normal alone.
         moving: what moves, or None.
         motion: its poses before and after the next frame, see :meth:`at_frame`.
-        unmoved: the same without that motion; None where nothing moves.
+        unmoved: the same without that motion and those impulses; None without either.
+        solids: all solids; None where forces on them are never requested.
+        impulses: of the next frame, to which the solver adds; None where they are not requested.
     """
 
     surface: Surface | None
@@ -51,6 +55,8 @@ class Environment:
     moving: MovingSolids | None = None
     motion: FrameMotion | None = None
     unmoved: Environment | None = None
+    solids: Solids | None = None
+    impulses: Impulses | None = None
 
     def __getstate__(self) -> dict[str, object]:
         """The fields alone: cached native objects can be neither copied nor pickled."""
@@ -77,17 +83,23 @@ class Environment:
         if solids is None and scene.moves:
             solids = build_solids(scene)
         return cls(
-            None if surface is None else surface_on(surface, device),
+            None if surface is None else surface_on(with_edges(surface), device),
             torch.tensor(container.lower, device=device),
             torch.tensor(container.upper, device=device),
             torch.tensor(scene.gravity, device=device),
             None if surface is None or tensors_requiring_grad(surface) else BoundaryMap.of(surface, container),
             MovingSolids(solids) if solids is not None and solids.move else None,
+            solids=solids,
         )
 
     def moved(self, motion: FrameMotion) -> Environment:
         """The same, for a frame with ``motion``."""
         return replace(self, motion=motion, unmoved=self.base)
+
+    def measured(self) -> Environment:
+        """The same, for a frame whose impulses on the solids are requested."""
+        assert self.solids is not None, "the environment was made without its solids"
+        return replace(self, impulses=Impulses(self.solids), unmoved=self.base)
 
     @property
     def base(self) -> Environment:

@@ -128,6 +128,7 @@ class NativeSolver:
         moving = None
         if environment.motion is not None:
             moving = environment.motion.native(*self._last_moving_queries(environment, count))
+        impulses = None if environment.impulses is None else environment.impulses.native(positions)
         result = self._solver(part).step(
             positions=positions,
             velocities=velocities,
@@ -145,11 +146,14 @@ class NativeSolver:
             collided=collided,
             record=record,
             moving=moving,
+            impulses=impulses,
             isa=self.isa,
             threads=torch.get_num_threads(),
             max_pairs=max_pairs(count, KERNEL_SUPPORT),
         )
         check_pairs(result.pairs, count, KERNEL_SUPPORT)
+        if environment.impulses is not None and impulses is not None:
+            environment.impulses.add(impulses[0], environment.motion)
         last_query = LastQuery(torch.from_numpy(query_positions), torch.from_numpy(query_distance))
         self._last = environment.base, last_query
         return NativeFrame(
@@ -178,10 +182,19 @@ class NativeSolver:
 
     def _last_query(self, environment: Environment, count: int) -> tuple[np.ndarray, np.ndarray]:
         """Copies of where ``count`` particles last queried the solid (N, 3), and their distances there (N,)."""
-        if self._last is None or self._last[0] is not environment.base or len(self._last[1].distance) != count:
+        if self._last is None or self._last[0] is not environment.base:
             return np.zeros((count, 3), np.float32), np.zeros(count, np.float32)  # so close that all query again
         last = self._last[1]
-        return last.positions.numpy().copy(), last.distance.numpy().copy()
+        positions, distance = last.positions.numpy().copy(), last.distance.numpy().copy()
+        # If particles have entered or left: what was found at a place holds for any particle. New ones query again.
+        return with_length(positions, count), with_length(distance, count)
+
+
+def with_length(values: np.ndarray, count: int) -> np.ndarray:
+    """The first ``count`` rows of an array, with zeros for those that it does not have."""
+    if len(values) < count:
+        values = np.concatenate([values, np.zeros((count - len(values), *values.shape[1:]), values.dtype)])
+    return values[:count]
 
 
 def can_step_native(state: ParticleState, environment: Environment) -> bool:

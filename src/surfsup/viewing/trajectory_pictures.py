@@ -15,6 +15,7 @@ from surfsup.io.atomic_file import atomic_file
 from surfsup.io.scene_poses import scene_poses
 from surfsup.io.trajectory import Trajectory
 from surfsup.scene import Scene
+from surfsup.scene.carriers import carrier_poses
 from surfsup.scene.solids import CONTAINER, build_solids
 from surfsup.viewing.camera import DEFAULT_DIRECTION, ViewDirection
 from surfsup.viewing.label import label
@@ -75,9 +76,8 @@ class TrajectoryRenderer:
         self._poses = scene_poses(trajectory)
         first = None if self._poses else self._still  # what moves is drawn anew for each frame
         bounds = bounds_of(self._still, self._moving)
-        self._renderer = FrameRenderer(
-            first, self._size, trajectory.radius, trajectory.positions[0], size, bounds, direction, turntable
-        )
+        focus = points_of_interest(trajectory)
+        self._renderer = FrameRenderer(first, self._size, trajectory.radius, focus, size, bounds, direction, turntable)
         if trajectory.scene.container.open:
             self._renderer.omit_edges()
 
@@ -122,6 +122,20 @@ def trajectory_meshes(trajectory: Trajectory) -> tuple[trimesh.Trimesh | None, l
     return still, moving
 
 
+def points_of_interest(trajectory: Trajectory) -> np.ndarray:
+    """The particles (N, 3) of frame 0 in meters; where there are taps, also their openings."""
+    positions, scene = trajectory.positions[0][trajectory.ids(0)], trajectory.scene
+    if not scene.taps:
+        return positions
+    poses = carrier_poses(scene, build_solids(scene), trajectory.start_time)
+    openings = [
+        np.array([tap.at]) if tap.carrier is None else poses[tap.carrier].apply(np.array([tap.at]))
+        for tap in scene.taps
+    ]
+    # As many points as particles, so that the camera shows the openings too.
+    return np.concatenate([positions, np.repeat(np.concatenate(openings), max(1, len(positions)), axis=0)])
+
+
 def write_trajectory_page(file: Path, page: Path, progress: Progress) -> Path:
     """Write the page that plays the trajectory in ``file``; returns the path of the page."""
     with Trajectory(file) as trajectory:
@@ -139,6 +153,7 @@ def write_trajectory_page(file: Path, page: Path, progress: Progress) -> Path:
             trajectory.scene.container.open,
             file.resolve().parent.name if file.name == "trajectory.h5" else file.stem,
             trajectory.provenance.simulator,
+            points_of_interest(trajectory),
         )
     return page
 

@@ -19,7 +19,9 @@ enum class Kind : int32_t {
     transformed,
     set_union,
     intersection,
-    difference
+    difference,
+    complement,
+    edged_intersection
 };
 
 // A node in a list where every part precedes the node it belongs to.

@@ -69,6 +69,7 @@ void main() {
   speed = length(b - a) / frameTime;
   disc = corner;
   gl_Position = projection * vec4(center + vec3(corner * radius, 0.0), 1.0);
+  if (min(min(previous.x, previous.y), previous.z) == 1.0 || min(min(next.x, next.y), next.z) == 1.0) gl_Position = vec4(0.0, 0.0, 2.0, 1.0);  // not in the scene
 }`;
 const SPHERE = `
 in vec2 disc; in vec3 center; in float speed; uniform float radius; uniform mat4 projection;
