@@ -153,7 +153,7 @@ class LivePage:
         with gui.add_folder("Pour"):
             self._add_pouring(world)
         with gui.add_folder("Gravity"):
-            self._tilts = [gui.add_slider(f"tilt {axis}", -90.0, 90.0, 1.0, 0.0) for axis in "xy"]
+            self._tilts: list[Any] = [gui.add_slider(f"tilt {axis}", -90.0, 90.0, 1.0, 0.0) for axis in "xy"]
             for tilt in self._tilts:
                 tilt.on_update(lambda _: self._send_gravity())
         if world.movable:
