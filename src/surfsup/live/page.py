@@ -186,7 +186,7 @@ class LivePage:
     def _reset(self, world: LiveWorld) -> str:
         world.reset()
         for tilt in self._tilts:
-            tilt.value = 0.0  # type: ignore[misc]  # a property of viser that its types call read-only
+            tilt.value = 0.0
         for name in world.movable:
             self._handles[name].place(world.frame.poses[name])
         self.show(world.frame, world)
