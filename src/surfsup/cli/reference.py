@@ -32,6 +32,8 @@ def reference(
     scene = scene_options.read()
     if scene.forces:
         warnings.warn("the reference records no forces on solids; the solver dfsph does", stacklevel=1)
+    if scene.flush:
+        warnings.warn("the reference keeps its water off flush surfaces, too", stacklevel=1)
     solids = build_solids(scene)
     start_time = scene.start_time
     particles = start_of(scene, solids.at_time(start_time))

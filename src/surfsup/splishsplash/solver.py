@@ -59,6 +59,7 @@ def simulate(
     """
     units = scene.units
     solids = build_solids(scene) if scene.moves else Solids(surface)
+    solids.require_described()
     solids = units.solids_to_solver(replace(solids, still=surface), scene.start_time)
     solver_scene, start = units.scene_to_solver(scene), units.particles_to_solver(start)
     interval = scene.frame_time / units.frame_time
