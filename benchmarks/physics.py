@@ -79,7 +79,7 @@ def archimedes() -> None:
             sizes = [float(row["radius_m"]) / PARTICLE_RADIUS for row in chosen]
             axes.plot(sizes, [float(row["ratio"]) for row in chosen], "o", color=color, label=label)
         sizes = np.linspace(4, 20, 100)
-        axes.plot(sizes, (1 + 1.25 / sizes) ** 3, color="tab:blue", linewidth=0.8, label="a gap of 1.25 particle radii")
+        axes.plot(sizes, (1 + 1.3 / sizes) ** 3, color="tab:blue", linewidth=0.8, label="a gap of 1.3 particle radii")
         axes.axhspan(0.97, 1.03, color="0.9", zorder=0)
         axes.axhline(1, color="0.4", linewidth=0.8)
         axes.set_xlabel("radius of the ball / radius of a particle")
@@ -104,7 +104,7 @@ def floor() -> None:
         simulation, frames = pool(side, depth, {})
         force = -float(np.mean([frame.forces["container"].force[2] for frame in frames]))
         weight = len(simulation.particles.positions) * DENSITY * (2 * PARTICLE_RADIUS) ** 3 * GRAVITY
-        gap = 1.25 * PARTICLE_RADIUS  # between the water and walls or floor
+        gap = 1.3 * PARTICLE_RADIUS  # between the water and walls or floor
         height, area = level(frames, side) - gap, (side - 2 * gap) ** 2
         pressure, expected = force / area, DENSITY * GRAVITY * height
         rows.append(

@@ -19,7 +19,7 @@ from surfsup.scene.solids import MovingSolid, Solids, StillSolid, union_of
 from surfsup.sdf import Surface
 from surfsup.sdf.offset import Offset
 
-GAP = 1.25 * PARTICLE_RADIUS  # meters, in the units of the solver: between a solid and the water (measured)
+GAP = 1.3 * PARTICLE_RADIUS  # meters, in the units of the solver: between a solid and the water (measured)
 RESOLUTION = 48  # cells of marching cubes along the longest side
 REACH = 2.0  # gaps from a corner of a box to that of the smaller one, and some to spare
 

@@ -134,7 +134,7 @@ def test_a_state_holds_the_bodies_and_a_pose_that_is_set_drives_them():
         ),
         (
             "thin: {box: {size: [0.2, 0.2, 0.03]}, at: [0, 0, 0.3], rigid_body: {}}",
-            "'thin' is flush, but thinner than 2.5",
+            "'thin' is flush, but thinner than 2.6",
         ),
     ],
 )
