@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from surfsup.evaluation.pair import evaluate_pair as evaluate
     from surfsup.exporting.export import export
     from surfsup.io.trajectory import Trajectory
-    from surfsup.scene import Block, Container, Fill, ParticleFile, Scene, load_mesh
+    from surfsup.scene import Block, Container, Drain, Fill, ParticleFile, Scene, Tap, load_mesh
     from surfsup.scene.pose import Pose
     from surfsup.scene.wrench import Wrench
     from surfsup.sdf import (
@@ -49,7 +49,7 @@ _MODULES = {
     "SimulationError": "errors",
     "Trajectory": "io.trajectory",
     "export": "exporting.export",
-    **dict.fromkeys(("Block", "Container", "Fill", "ParticleFile", "Scene", "load_mesh"), "scene"),
+    **dict.fromkeys(("Block", "Container", "Drain", "Fill", "ParticleFile", "Scene", "Tap", "load_mesh"), "scene"),
     "Pose": "scene.pose",
     "Wrench": "scene.wrench",
     **dict.fromkeys(("Bowl", "Box", "CappedCone", "Cylinder", "Difference", "Funnel", "Heightfield"), "sdf"),
@@ -67,6 +67,7 @@ __all__ = [
     "Container",
     "Cylinder",
     "Difference",
+    "Drain",
     "Fill",
     "Frame",
     "Funnel",
@@ -81,6 +82,7 @@ __all__ = [
     "SimulationState",
     "Sphere",
     "Surface",
+    "Tap",
     "Torus",
     "Trajectory",
     "Transformed",

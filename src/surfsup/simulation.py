@@ -17,6 +17,7 @@ from surfsup.learned.loading import DEFAULT_SIMULATOR, load_simulator
 from surfsup.scene import FRAME_TIME, InitialParticles, Scene
 from surfsup.scene.pose import NO_ROTATION, Pose, between
 from surfsup.scene.solids import Solids
+from surfsup.scene.tap_checks import check_taps_and_drains
 from surfsup.scene.wrench import Wrench
 from surfsup.sph.collision import resolve_collisions
 from surfsup.sph.device import choose_device
@@ -24,6 +25,7 @@ from surfsup.sph.environment import Environment
 from surfsup.sph.interpolation import ROUNDING, hermite
 from surfsup.sph.mean_forces import MeanForces
 from surfsup.sph.moving import FrameMotion, MovingSolids
+from surfsup.sph.open_water import OpenState, Passages, WithTaps, common_particles
 from surfsup.sph.rigid.bodies import RigidBodies
 from surfsup.sph.rigid.body import BodyState
 from surfsup.sph.scene_motion import SceneMotion, warn_jumps
@@ -43,6 +45,7 @@ class Frame:
         positions: (N, 3) float32, meters.
         velocities: (N, 3) float32, m/s.
         poses: of the solids that move, and of a container that moves, by name.
+        ids: (N,) int64, ascending; a particle keeps its id. 0 to N - 1 where water neither enters nor leaves.
         forces: force and torque of the fluid on the solids that the scene names under ``forces``, mean over the time
             since the frame before. The first frame has none.
 
@@ -58,6 +61,7 @@ class Frame:
     positions: np.ndarray
     velocities: np.ndarray
     poses: Mapping[str, Pose] = field(default_factory=dict)
+    ids: np.ndarray = field(default_factory=lambda: np.empty(0, np.int64))
     forces: Mapping[str, Wrench] = field(default_factory=dict)
 
 
@@ -139,12 +143,17 @@ class Simulation:
         self._device = choose_device("cpu" if device is None and scene.needs_native else device)
         if scene.forces and not simulator.measures_forces:
             raise InputError(f"{self.name} computes no forces on solids; use the simulator dfsph, or omit 'forces'")
-        self._simulator = simulator.to(self._device)
-        self._units, self._start_time = scene.units, scene.start_time
+        self._start_time = scene.start_time
+        self._gravity: torch.Tensor | None = None  # of set_gravity
         self.motion = SceneMotion(scene)
+        if scene.is_open:
+            check_taps_and_drains(scene, self.motion.solids)
+            simulator = WithTaps(simulator, Passages.of(scene, self.motion.solids, self._start_time))
+        self._simulator: Simulator[Any] = simulator.to(self._device)
         self.surface = self.motion.solids.still
         solid = self.motion.solids.at_time(self._start_time)
         self.particles = start_of(scene, solid) if particles is None else particles
+        self._units = scene.units.around(scene, self.particles)
         self._environment = self._make_environment(self.motion.solids)
         start = self._units.particles_to_solver(self.particles)
         positions, velocities = (
@@ -170,7 +179,8 @@ class Simulation:
     def frame(self) -> Frame:
         """The particles now."""
         state = self._state
-        return self._as_frame(self.time, state.fluid.positions, state.fluid.velocities, state.poses, state.forces)
+        fluid = state.fluid
+        return self._as_frame(self.time, fluid.positions, fluid.velocities, state.poses, ids_of(fluid), state.forces)
 
     def reset(self, state: SimulationState | None = None) -> None:
         """Return to an earlier state of this simulation, or of one of the same scene; by default to the start.
@@ -268,10 +278,24 @@ class Simulation:
         self._state = replace(self._state, poses={name: rest[name], **self._state.poses})
         self._start = replace(self._start, poses=rest)
 
+    def set_gravity(self, gravity: Sequence[float] | np.ndarray) -> None:
+        """Let another gravity (3,) in m/s² act from the next step on; :meth:`reset` keeps it.
+
+        Raises:
+            InputError: it is not three finite numbers.
+        """
+        vector = np.array(gravity, np.float32)
+        if vector.shape != (3,) or not np.isfinite(vector).all():
+            raise InputError(f"gravity is three finite numbers of m/s² (found {gravity})")
+        self._gravity = torch.from_numpy(vector).to(self._device)
+        self._environment = replace(self._environment, gravity=self._gravity)
+
     def _make_environment(self, scene_solids: Solids) -> Environment:
         solids = self._units.solids_to_solver(scene_solids, self._start_time)
         solver_scene = self._units.scene_to_solver(self.scene)
         environment = Environment.of(solver_scene, solids.still, self._device, solids)
+        if self._gravity is not None:
+            environment = replace(environment, gravity=self._gravity)
         self._simulator.check_knows(environment)
         return environment
 
@@ -290,13 +314,29 @@ class Simulation:
             InputError: a value is out of range.
             SimulationError: as :meth:`step`.
         """
+        return self._frames(self._state.frame, *self._steps(seconds, fps))
+
+    def most_ids(self, seconds: float | None = None) -> int:
+        """The number of ids up to the last frame of :meth:`run`: of particles that are or were in the scene by then.
+
+        Raises:
+            InputError: as :meth:`run`.
+        """
+        fluid = self._state.fluid
+        if not isinstance(self._simulator, WithTaps) or not isinstance(fluid, OpenState):
+            return len(fluid.positions)
+        steps, interval = self._steps(seconds)
+        return self._simulator.count(fluid, (math.ceil(steps / interval - ROUNDING) - 1) * interval)
+
+    def _steps(self, seconds: float | None, fps: float | None = None) -> tuple[float, float]:
+        """The steps in ``seconds``, and those from frame to frame; see :meth:`run`."""
         frame_time = self._units.frame_time
         rate = self.scene.fps if fps is None else fps
         interval = 1.0 if rate is None else 1 / (rate * frame_time) if rate > 0 else math.inf
         steps = self.scene.frames * interval if seconds is None else seconds / frame_time
         if not (0 < steps < math.inf and 1 - ROUNDING <= interval < math.inf):
             raise InputError(f"seconds must be above 0 and fps above 0 and at most {1 / frame_time:.5g}")
-        return self._frames(self._state.frame, steps, interval)
+        return steps, interval
 
     def record(self, path: str | Path, seconds: float | None = None) -> None:
         """Run for a while and write every frame to a trajectory file.
@@ -309,11 +349,10 @@ class Simulation:
             InputError: the file cannot be written, or the scene has a surface that no file describes.
             SimulationError: as :meth:`step`.
         """
-        frames = self.run(seconds)
-        count = len(self._state.fluid.positions)
+        frames, count = self.run(seconds), self.most_ids(seconds)
         with TrajectoryWriter(Path(path), self.scene, Provenance(self.name), count, start_time=self.time) as writer:
             for frame in frames:
-                writer.append(frame.positions, frame.velocities, frame.poses, frame.forces)
+                writer.append(frame.positions, frame.velocities, frame.poses, frame.ids, frame.forces)
 
     def _frames(self, first: int, steps: float, interval: float) -> Iterator[Frame]:
         before, means = self._state, MeanForces()
@@ -336,6 +375,9 @@ class Simulation:
         if part > 1 - ROUNDING:
             return self.frame
         old, new = before.fluid, self._state.fluid
+        ids = ids_of(new)
+        if isinstance(old, OpenState) and isinstance(new, OpenState):
+            old, new, ids = common_particles(old, new, part)
         positions, velocities = hermite((old.positions, old.velocities), (new.positions, new.velocities), part)
         environment, poses = self._environment, before.poses
         if environment.moving is not None:
@@ -346,7 +388,7 @@ class Simulation:
             result = resolve_collisions(old.positions, positions, velocities, environment)
             positions, velocities = result.positions, result.velocities
         time = self._start_time + target * self._units.frame_time
-        return self._as_frame(time, positions, velocities, poses)
+        return self._as_frame(time, positions, velocities, poses, ids)
 
     def _motion_between(
         self, moving: MovingSolids, start: Mapping[str, Pose], end: Mapping[str, Pose], part: float = 1.0
@@ -366,8 +408,14 @@ class Simulation:
         positions: torch.Tensor,
         velocities: torch.Tensor,
         poses: Mapping[str, Pose],
+        ids: np.ndarray,
         forces: Mapping[str, Wrench] = NO_FORCES,
     ) -> Frame:
         """A frame with copies of the particles as NumPy arrays, in the units of the scene."""
         arrays = (values.detach().float().cpu().numpy().copy() for values in (positions, velocities))
-        return Frame(time, *self._units.frame_from_solver(*arrays), poses, self._requested(forces))
+        return Frame(time, *self._units.frame_from_solver(*arrays), poses, ids, self._requested(forces))
+
+
+def ids_of(fluid: FluidState) -> np.ndarray:
+    """The ids (N,) of the particles of a state."""
+    return fluid.ids if isinstance(fluid, OpenState) else np.arange(len(fluid.positions))

@@ -88,6 +88,13 @@ def test_page_and_pictures_can_be_made_later(scene, tmp_path):
     assert (out / "frame-00002.png").read_bytes().startswith(b"\x89PNG")
     refused = surfsup("render", out / "trajectory.h5", "--frame", 3)
     assert (refused.returncode, "has the frames 0 to 2" in refused.stderr) == (2, True)
+    options = ("--every", 1, "--fps", 60, "--size", "128x96", "--camera", "-90,10,1.5", "--turntable")
+    done = surfsup("render", out / "trajectory.h5", *options)
+    assert done.returncode == 0, done.stderr
+    with av.open(str(out / "video.mp4")) as video:
+        stream = video.streams.video[0]
+        assert (stream.width, stream.height, stream.average_rate) == (128, 96, 60)
+        assert sum(1 for _ in video.decode(stream)) == 3
 
 
 def test_an_evaluation_writes_a_report_and_its_rollout_can_be_compared_again(tmp_path):

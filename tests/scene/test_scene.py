@@ -271,7 +271,7 @@ def test_a_surface_object_without_a_file_cannot_be_written():
 @pytest.mark.parametrize(
     ("values", "message"),
     [
-        ({"fluid": []}, "Scene: fluid: List should have at least 1 item"),
+        ({"fluid": []}, "Scene: fluid: is empty, and there are no taps"),
         ({"fluid": [Block((0, 0, 0), (1, 1, 1))], "frames": 0}, "Scene: frames: Input should be greater than"),
         ({"fluid": [Block((0, 0, 0), (1, 1, 1))], "surface": "cup.stl"}, "Scene: surface: must be a mapping with keys"),
     ],

@@ -37,6 +37,17 @@ def test_the_page_needs_no_network(tmp_path, ball):
     assert "__DATA__" not in page and "__SCRIPT__" not in page
 
 
+def test_the_page_says_what_it_shows_and_runs_nothing_of_its_title(tmp_path):
+    many = np.broadcast_to(np.zeros(3, np.float32), (2, 50_000, 3))
+    write_web_player(
+        tmp_path / "p.html", many, None, (1, 1, 2), 0.015, title="<script>alert(1)</script>", simulator="gns"
+    )
+    page = (tmp_path / "p.html").read_text()
+    title = "&lt;script&gt;alert(1)&lt;/script&gt;"
+    assert f"<title>{title} - surfsup</title>" in page and "<script>alert" not in page
+    assert f"{title} · gns · 50,000 particles, 25,000 of them shown" in page
+
+
 def test_long_trajectories_are_subsampled_and_keep_their_duration(tmp_path):
     long = np.zeros((800, 10_000, 3), np.float32)
     write_web_player(tmp_path / "p.html", long, None, (1, 1, 2), 0.015, 0.005)

@@ -24,11 +24,19 @@ RECIPE_NAMES = (
     "tanks",
     "hills",
     "stirring",
+    "taps",
 )
 
 
 def generate(
-    recipe: Annotated[str, typer.Argument(metavar="RECIPE", help=f"Name of the recipe: {', '.join(RECIPE_NAMES)}.")],
+    recipe: Annotated[
+        str,
+        typer.Argument(
+            metavar="RECIPE",
+            help=f"Name of the recipe: {', '.join(RECIPE_NAMES)}.",
+            autocompletion=lambda: RECIPE_NAMES,
+        ),
+    ],
     out: Annotated[Path, typer.Option("-o", "--out", help="Folder of the data set.")],
     n: Annotated[int, typer.Option("-n", help="Number of scenes.")],
     seed: Seed = 0,

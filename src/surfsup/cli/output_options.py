@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from surfsup.cli.locks import hold_lock
 from surfsup.cli.progress import progress_bar
 from surfsup.cli.status import after_interrupt
 
@@ -26,10 +27,11 @@ class OutputOptions:
     export_fps: Annotated[float, typer.Option(help="Frames per second of the export.")] = 24.0
 
     def create_folder(self, source: Path, particles: int, frames: int) -> OutputFolder:
-        """Create the output folder of a simulation of ``source``.
+        """Create the output folder of a simulation of ``source``, and keep other runs out of it.
 
         Raises:
-            InputError: the folder is unusable, or this machine cannot render the video or write the export.
+            InputError: the folder is unusable, another run is writing into it, or this machine cannot render the
+                video or write the export.
         """
         from surfsup.exporting.formats import check_export
         from surfsup.io.output_folder import OutputFolder
@@ -39,7 +41,9 @@ class OutputOptions:
             require_graphics()
         if self.export:
             check_export(self.export, self.export_fps)
-        return OutputFolder(self.out or Path("out") / source.stem, particles, frames)
+        folder = OutputFolder(self.out or Path("out") / source.stem, particles, frames)
+        hold_lock(folder.path)
+        return folder
 
     def finish(self, folder: OutputFolder, summary: Summary, excluded: int) -> None:
         """Write page, video and export, then print what the folder contains.
@@ -62,6 +66,8 @@ class OutputOptions:
                     write_trajectory_video(folder.trajectory, folder.video, bar)
         if excluded:
             typer.echo(f"{excluded} particles that overlap the solid or each other at the start were omitted")
+        if summary.entered or summary.left:
+            typer.echo(f"{summary.entered} particles entered through taps, {summary.left} left through drains")
         typer.echo(
             f"{summary.particles} particles, {summary.frames} frames in {summary.seconds:.1f} s "
             f"({summary.ms_per_frame:.1f} ms per frame); {summary.penetrations} in the solid, "

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import warnings
-from typing import Annotated
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from surfsup.cli.output_options import OutputOptions
 from surfsup.cli.progress import progress_bar
 from surfsup.cli.scene_options import SceneOptions
+
+if TYPE_CHECKING:
+    from surfsup.io.output_folder import OutputFrame
 
 
 def reference(
@@ -25,9 +29,12 @@ def reference(
     """
     from surfsup.io.trajectory import Provenance
     from surfsup.scene.solids import build_solids
+    from surfsup.scene.start import entering_particles
+    from surfsup.scene.tap_checks import check_taps_and_drains
     from surfsup.sph.settle import start_of
     from surfsup.splishsplash import solver
     from surfsup.splishsplash.compressed_start import warn_compressed_start
+    from surfsup.splishsplash.entering_water import with_ids
 
     scene = scene_options.read()
     if scene.forces:
@@ -36,12 +43,14 @@ def reference(
         warnings.warn("the reference keeps its water off flush surfaces, too", stacklevel=1)
     solids = build_solids(scene)
     start_time = scene.start_time
+    check_taps_and_drains(scene, solids)
     particles = start_of(scene, solids.at_time(start_time))
     solver.check_installed()
     warn_compressed_start(scene, particles)
-    folder = output.create_folder(scene_options.source, len(particles.positions), scene.frames)
-    frames = (
-        (*frame, solids.poses(start_time + number * scene.frame_time))
+    most = len(particles.positions) + entering_particles(scene)
+    folder = output.create_folder(scene_options.source, most, scene.frames)
+    frames: Iterator[OutputFrame] = (
+        (*with_ids(scene, *frame, solids.poses(start_time + number * scene.frame_time)), {})
         for number, frame in enumerate(solver.simulate(scene, solids.still, particles, threads))
     )
     with progress_bar("simulating with SPlisHSPlasH") as bar:

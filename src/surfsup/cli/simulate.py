@@ -33,8 +33,8 @@ def simulate(
     if card and card.training_domain and (warning := card.training_domain.warning(scene)):
         warnings.warn(warning, stacklevel=1)
     simulation = Simulation(scene, simulator, device, handle_collisions=not no_collisions)
-    folder = output.create_folder(scene_options.source, len(simulation.particles.positions), scene.frames)
-    frames = ((frame.positions, frame.velocities, frame.poses, frame.forces) for frame in simulation.run())
+    folder = output.create_folder(scene_options.source, simulation.most_ids(), scene.frames)
+    frames = ((frame.positions, frame.velocities, frame.poses, frame.ids, frame.forces) for frame in simulation.run())
     with progress_bar(f"simulating with {name}") as bar:
         summary = folder.record(scene, simulation.motion.solids, frames, Provenance(name), device, bar)
     output.finish(folder, summary, simulation.particles.excluded)

@@ -120,6 +120,8 @@ class Windows:
                 scene = trajectory.scene
             if scene.moves:
                 raise InputError(f"{path}: has solids that move, which no learned simulator knows; leave it out")
+            if scene.is_open:
+                raise InputError(f"{path}: has taps or drains, which no learned simulator knows; leave it out")
             self._scenes.append(scene)
             self._environments.append(Environment.of(scene, scene.build_surface(), device))
 

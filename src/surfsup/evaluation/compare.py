@@ -12,6 +12,7 @@ from scipy.spatial import cKDTree
 
 from surfsup.evaluation.metrics import (
     UNDEFINED_CHAMFER,
+    Chamfer,
     chamfer_surface,
     kd_tree,
     max_density,
@@ -34,7 +35,7 @@ class Comparison:
 
     Attributes:
         prediction, reference: statistics of each by itself.
-        chamfer: of plain distances, meters; NaN in a frame without valid particles.
+        chamfer: of plain distances, meters; NaN in a frame without valid particles in one of them.
         chamfer_squared: of squared distances, square meters.
         surface: Chamfer Surface of plain distances, meters, a sum over particles.
         surface_squared: Chamfer Surface of squared distances, square meters.
@@ -74,6 +75,8 @@ class Comparison:
             whole, near = mean_chamfer(distances), chamfer_surface(distances, prediction.near, reference.near)
             if number % DENSITY_STRIDE == 0:
                 self.prediction.density[number] = max_density(tree, scale)
+        elif len(prediction.positions) == len(reference.positions):  # before water enters, or after all has left
+            whole = near = Chamfer(0.0, 0.0)
         self.chamfer[number], self.chamfer_squared[number] = whole.plain, whole.squared
         self.surface[number], self.surface_squared[number] = near.plain, near.squared
 

@@ -13,6 +13,7 @@ from surfsup.errors import InputError
 from surfsup.evaluation.floor import floor_files
 from surfsup.io.trajectory import Trajectory
 from surfsup.scene import Scene
+from surfsup.scene.taps import Tap
 
 FRAMES_PER_READ = 64
 
@@ -172,14 +173,23 @@ def check_finite(path: Path, trajectory: Trajectory) -> None:
             parts = [data[first : first + FRAMES_PER_READ] for data in (trajectory.positions, trajectory.velocities)]
         except OSError:
             raise InputError(f"{path}: is damaged in the frames from {first} on") from None
-        if not all(np.isfinite(part).all() for part in parts):
+        there = present(trajectory, first, len(parts[0]))
+        if not all(np.isfinite(part[there]).all() for part in parts):
             raise InputError(f"{path}: has values that are not finite in the frames from {first} on")
+
+
+def present(trajectory: Trajectory, first: int, count: int) -> np.ndarray:
+    """Which particles (count, N) are in the scene in ``count`` frames from number ``first``."""
+    there = np.zeros((count, trajectory.positions.shape[1]), bool)
+    for row in range(count):
+        there[row, trajectory.ids(first + row)] = True
+    return there
 
 
 def scene_difference(one: Scene, other: Scene) -> str | None:
     """Which part of two scenes differs; None if they are the same scene.
 
-    The blocks of fluid may be up to one particle spacing apart, as those of the floor's repeats are.
+    The blocks of fluid and the taps may be up to one particle spacing apart, as those of the floor's repeats are.
     """
     root = Path("/")
     here, there = one.with_paths_relative_to(root), other.with_paths_relative_to(root)
@@ -189,6 +199,12 @@ def scene_difference(one: Scene, other: Scene) -> str | None:
         return "surfaces"
     if one.gravity != other.gravity:
         return "gravities"
+    if len(here.taps) != len(there.taps) or not all(
+        same_tap(*pair, other.spacing) for pair in zip(here.taps, there.taps, strict=True)
+    ):
+        return "taps"
+    if here.drains != there.drains:
+        return "drains"
     if len(here.fluid) != len(there.fluid):
         return "blocks of fluid"
     for mine, other_entry in zip(here.fluid, there.fluid, strict=True):
@@ -200,6 +216,12 @@ def scene_difference(one: Scene, other: Scene) -> str | None:
         if np.abs(corners[0] - corners[1]).max() > other.spacing:
             return "blocks of fluid"
     return None
+
+
+def same_tap(one: Tap, other: Tap, distance: float) -> bool:
+    """Whether two taps are the same, up to ``distance`` in meters, as those of the floor's repeats are."""
+    near = bool(np.abs(np.subtract(one.at, other.at)).max() <= distance)
+    return near and one.model_copy(update={"at": other.at}) == other
 
 
 def skipped_file(path: Path, error: InputError) -> SkippedFile:

@@ -15,6 +15,7 @@ from surfsup.scene import FRAME_TIME
 from surfsup.scene.pose import Pose
 from surfsup.scene.solids import build_solids
 from surfsup.sph.environment import Environment
+from surfsup.sph.open_water import Passages, WithTaps
 from surfsup.sph.simulator import Simulator, StateType
 
 
@@ -46,9 +47,9 @@ def roll_out(
     Returns:
         An iterator over the frames: the state, and which particles (N,) collision handling moved.
     """
-    device = environment.gravity.device
+    device, ids = environment.gravity.device, reference.ids(0)
     positions, velocities = (
-        torch.from_numpy(data[0]).to(device) for data in (reference.positions, reference.velocities)
+        torch.from_numpy(data[0][ids]).to(device) for data in (reference.positions, reference.velocities)
     )
     state = simulator.initial_state(positions, velocities, environment)
     return until_diverged(simulator.rollout(state, environment, frames, handle_collisions))
@@ -84,17 +85,23 @@ def write_rollout(
         The share of particles that collision handling moved, mean over frames.
 
     Raises:
-        InputError: a mesh file of the scene is not valid, or ``path`` cannot be written.
+        InputError: a mesh file of the scene is not valid, ``path`` cannot be written, or the simulator knows no taps.
     """
     scene = reference.scene.with_frames(frames)
     solids = scene.units.solids_to_solver(build_solids(scene), reference.start_time)
     environment = Environment.of(scene, solids.still, device, solids)
+    count = len(reference.ids(0))
+    if scene.is_open:
+        passages = Passages.of(scene, build_solids(scene), reference.start_time)
+        simulator = WithTaps(simulator, passages)
+        count += passages.taps.count(0.0, (frames - 1) * FRAME_TIME)
     rollout = roll_out(simulator.to(device), reference, environment, frames, handle_collisions)
-    lost = np.full(reference.positions.shape[1:], np.nan, dtype=np.float32)
+    lost = np.full((count, 3), np.nan, dtype=np.float32)
     collided_shares = []
     with TrajectoryWriter(path, scene, Provenance(name), len(lost), start_time=reference.start_time) as writer:
         for number, (state, collided) in enumerate(rollout):
-            writer.append(state.positions.cpu().numpy(), state.velocities.cpu().numpy(), poses_of(environment, number))
+            values = (state.positions.cpu().numpy(), state.velocities.cpu().numpy())
+            writer.append(*values, poses_of(environment, number), getattr(state, "ids", None))
             collided_shares.append(float(collided.float().mean()))
             progress(len(collided_shares))
         for number in range(len(collided_shares), frames):

@@ -19,8 +19,8 @@ class TrajectoryStatistics:
     """Statistics of one trajectory; every array is (frames,).
 
     Attributes:
-        height: of the center of mass, meters.
-        energy: kinetic, J/kg.
+        height: of the center of mass, meters; 0 where no water is in the scene.
+        energy: kinetic, J/kg; 0 where no water is in the scene.
         inside: number of particles inside the solid.
         depth: sum of the (negative) signed distances of these particles, meters.
         near: number of particles closer to the solid than the threshold.
@@ -91,7 +91,10 @@ class StatisticsRecorder:
         shaken = self.poses[number].get(CONTAINER) if self.poses else None
         own = positions if shaken is None else shaken.to_own(positions)
         contained = inside_container(own, self.lower, self.upper) & valid
-        statistics.lost[number] = len(positions) - contained.sum()
+        count = len(self.trajectory.ids(number))
+        statistics.lost[number] = count - contained.sum()
+        if count == 0:  # before water enters, or after all has left
+            statistics.height[number] = statistics.energy[number] = 0.0
         if valid.any():
             statistics.height[number] = center_height(positions[valid])
             statistics.energy[number] = kinetic_energy(velocities[valid])

@@ -28,7 +28,6 @@ class FrameSource:
 
     def __iter__(self) -> Iterator[ParticleFrame]:
         trajectory = self._trajectory
-        ids = np.arange(trajectory.positions.shape[1], dtype=np.int32)
         for number in range(len(trajectory)):
             try:
                 positions, velocities = trajectory.window(number, 1)
@@ -36,10 +35,12 @@ class FrameSource:
                 self.cut_off = True
                 return
             self.read += 1
+            ids = trajectory.ids(number)
+            everything = len(ids) == positions.shape[1]
             yield ParticleFrame(
                 trajectory.start_time + number * trajectory.frame_time,
-                positions[0],
-                velocities[0],
-                ids,
+                positions[0] if everything else positions[0][ids],
+                velocities[0] if everything else velocities[0][ids],
+                ids.astype(np.int32),
                 trajectory.radius,
             )

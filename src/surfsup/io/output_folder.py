@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import json
 import shutil
+import sys
 import time
 from collections.abc import Callable, Iterable, Mapping
+from contextlib import nullcontext, suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -14,6 +16,7 @@ import torch
 
 from surfsup import __version__
 from surfsup.errors import InputError, Interrupted
+from surfsup.io.atomic_file import atomic_file
 from surfsup.io.trajectory import Provenance, TrajectoryWriter
 from surfsup.scene import Container, Scene
 from surfsup.scene.pose import Pose
@@ -21,11 +24,9 @@ from surfsup.scene.solids import CONTAINER, Solids
 from surfsup.scene.wrench import Wrench
 
 BYTES_PER_VALUE = 4
-# Positions and velocities (N, 3) of a frame, the poses of what moves, and the forces on solids if they are known.
-FrameValues = (
-    tuple[np.ndarray, np.ndarray, Mapping[str, Pose]]
-    | tuple[np.ndarray, np.ndarray, Mapping[str, Pose], Mapping[str, Wrench]]
-)
+# Positions and velocities (N, 3), the poses of what moves, ids (N,) of the particles, or None where no water enters or
+# leaves, and the forces on solids.
+OutputFrame = tuple[np.ndarray, np.ndarray, Mapping[str, Pose], np.ndarray | None, Mapping[str, Wrench]]
 
 
 @dataclass(frozen=True)
@@ -34,6 +35,7 @@ class Summary:
 
     Attributes:
         particles, frames: numbers of particles and frames.
+        entered, left: numbers of particles that came through taps and left through drains.
         seconds: wall-clock time of simulating and writing.
         ms_per_frame: time of the simulator per frame, without its setup.
         penetrations: number of particles inside the solid, summed over frames.
@@ -51,6 +53,8 @@ class Summary:
     out_of_container: int
     model: str
     device: str
+    entered: int = 0
+    left: int = 0
     version: str = __version__
 
 
@@ -99,14 +103,15 @@ class OutputFolder:
         self,
         scene: Scene,
         solids: Solids,
-        frames: Iterable[FrameValues],
+        frames: Iterable[OutputFrame],
         provenance: Provenance,
         device: str,
         on_progress: Callable[[int, int], None],
     ) -> Summary:
         """Write the frames while the simulator computes them, then the summary.
 
-        After an interrupt the trajectory holds the finished frames and the summary describes them.
+        After an interrupt the trajectory holds the finished frames and the summary describes them. If there was an
+        older trajectory, it stays as it is, and the new frames are beside it.
 
         Args:
             scene: the simulated scene.
@@ -140,13 +145,14 @@ class OutputFolder:
         except KeyboardInterrupt:
             if not writer.frames:
                 raise
-            kept = f"{writer.frames} of {scene.frames} frames are kept in {self.trajectory}"
+            kept = f"{writer.frames} of {scene.frames} frames are kept in {writer.path}"
             raise Interrupted(kept) from None
         finally:
+            failing = sys.exc_info()[0] is not None
             done = writer.frames  # an interrupt may occur between counting a frame and writing it
             penetrations, out_of_container = (sum(column) for column in zip((0, 0), *counts[:done], strict=True))
             summary = Summary(
-                particles=self._particles,
+                particles=writer.particles,
                 frames=done,
                 seconds=round(time.perf_counter() - began, 2),
                 ms_per_frame=round(1000 * simulating / max(1, done - 2), 3),
@@ -154,9 +160,13 @@ class OutputFolder:
                 out_of_container=out_of_container,
                 model=provenance.simulator,
                 device=device,
+                entered=writer.entered,
+                left=writer.left,
             )
-            if done:
-                self.summary.write_text(json.dumps(asdict(summary), indent=2) + "\n")
+            if done and writer.path == self.trajectory:
+                # An error before, such as a full disk, says more than the same one here.
+                with suppress(OSError) if failing else nullcontext(), atomic_file(self.summary) as partial:
+                    partial.write_text(json.dumps(asdict(summary), indent=2) + "\n")
         return summary
 
 

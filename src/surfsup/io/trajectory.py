@@ -21,6 +21,7 @@ from isal import isal_zlib
 
 from surfsup import __version__
 from surfsup.errors import InputError
+from surfsup.io.reserved_space import ReservedSpace
 from surfsup.scene import Scene
 from surfsup.scene.pose import Pose
 from surfsup.scene.wrench import Wrench
@@ -28,6 +29,9 @@ from surfsup.scene.wrench import Wrench
 GROUP = "00000"
 POSES = (
     f"{GROUP}/pose"  # group with a data set (frames, 7) for each solid that moves: x, y, z in meters, then w, x, y, z
+)
+LIFETIMES = (
+    f"{GROUP}/lifetime"  # data set (particles, 2) where water enters or leaves: first frame, frame after the last
 )
 # Groups with a data set (frames, 3) for each solid whose force is recorded: N, and N m about the solid's origin. NaN in
 # the first frame, which has none.
@@ -60,9 +64,14 @@ class Provenance:
 class TrajectoryFrames:
     """The frames of a trajectory file without its scene, read from disk on demand.
 
+    A particle has the same column in all frames: its id. Where water enters or leaves, a particle has NaN in the frames
+    in which it is not in the scene; :meth:`ids` says which are.
+
     Attributes:
         positions: (frames, particles, 3) float32 in meters, an HDF5 data set that slices like an array.
         velocities: (frames, particles, 3) float32 in m/s, at the end of each frame.
+        lifetimes: (particles, 2) int64, the first frame of each particle and the one after its last; None where all
+            particles are in all frames.
     """
 
     def __init__(self, path: str | Path) -> None:
@@ -93,6 +102,9 @@ class TrajectoryFrames:
         self.positions, self.velocities = (self._frames_of(name) for name in ("position", "velocity"))
         if self.positions.shape != self.velocities.shape:
             raise ValueError(f"{self.positions.shape} positions, {self.velocities.shape} velocities")
+        self.lifetimes = None if LIFETIMES not in self._file else self._file[LIFETIMES][:]
+        if self.lifetimes is not None and self.lifetimes.shape != (self.positions.shape[1], 2):
+            raise ValueError(f"{self.positions.shape} positions, {self.lifetimes.shape} lifetimes")
 
     def _frames_of(self, name: str) -> h5py.Dataset:
         data = self._file[f"{GROUP}/{name}"]
@@ -103,6 +115,13 @@ class TrajectoryFrames:
     def __len__(self) -> int:
         """Number of frames."""
         return len(self.positions)
+
+    def ids(self, frame: int) -> np.ndarray:
+        """The ids (K,) int64, ascending, of the particles that are in the scene in a frame."""
+        if self.lifetimes is None:
+            return np.arange(self.positions.shape[1])
+        first, end = self.lifetimes.T
+        return np.flatnonzero((first <= frame) & (frame < end))
 
     def window(self, first: int, count: int) -> tuple[np.ndarray, np.ndarray]:
         """Positions and velocities (count, N, 3) of ``count`` frames from ``first``; faster than slicing."""
@@ -168,7 +187,8 @@ class Trajectory(TrajectoryFrames):
 class TrajectoryWriter:
     """Writes frames to disk during a simulation, in constant memory.
 
-    Use as a context manager. The file is readable afterwards, also after an error or an interrupt.
+    Use as a context manager. The file is readable afterwards, also after an error or an interrupt; then its frames are
+    beside a file that they were to replace, at :attr:`path`.
     """
 
     def __init__(
@@ -186,7 +206,7 @@ class TrajectoryWriter:
             path: the new file.
             scene: the simulated scene.
             provenance: simulator, seed and version.
-            particles: number of particles.
+            particles: number of particles; where water enters, of all that ever will.
             root: folder that may be moved as a whole; that of ``path`` by default. Paths inside it are written
                 relative to the file.
             start_time: seconds, of the first frame; by default that of the scene.
@@ -198,13 +218,22 @@ class TrajectoryWriter:
             raise InputError(f"{path}: is the trajectory that the scene continues; write to another file")
         start_time = scene.start_time if start_time is None else start_time
         text = scene.with_paths_relative_to(path.parent, root).to_yaml()
-        self._path = path
+        self._target = path
+        # An existing file is replaced at the end, so that a run that fails before loses nothing.
+        self._path = path.with_name(f"{path.stem}.new{path.suffix}") if path.is_file() else path
         self._check_disk_space(SPARE_BYTES)
         try:
-            self._file = h5py.File(path, "w")
+            self._file = h5py.File(self._path, "w")
         except OSError as error:
             reason = os.strerror(error.errno) if error.errno else single_line(error)
             raise InputError(f"{path}: cannot be written ({reason})") from None
+        self._space = ReservedSpace(self._path)
+        try:
+            self._space.reserve(len(text) + 8 * particles + SPARE_BYTES)
+        except InputError:
+            self._file.close()
+            self._path.unlink()
+            raise
         self._file.attrs.update(
             {
                 "scene": text,
@@ -233,6 +262,8 @@ class TrajectoryWriter:
         ]
         group["particle_type"] = np.full(particles, FLUID_TYPE, dtype=np.int64)
         self._poses: list[Mapping[str, Pose]] = []  # of the frames in the buffer
+        # The first frame of each particle and the one after its last. All zero for those that have not yet come.
+        self._lifetimes = np.zeros((particles, 2), np.int64)
         self._forces: list[Mapping[str, Wrench]] = []
         # Frames that are not yet written, and memory to shuffle a chunk in. Reused memory stays in the cache.
         self._buffer = np.empty((2, FRAMES_PER_FLUSH, particles, 3), dtype=np.float32)
@@ -245,6 +276,21 @@ class TrajectoryWriter:
         """Number of frames so far, including those in the buffer."""
         return self._written + self._buffered
 
+    @property
+    def particles(self) -> int:
+        """Number of particles that are or were in the scene."""
+        return int((self._lifetimes[:, 1] > 0).sum())
+
+    @property
+    def entered(self) -> int:
+        """Number of particles that came after the first frame."""
+        return int((self._lifetimes[:, 0] > 0).sum())
+
+    @property
+    def left(self) -> int:
+        """Number of particles that are no longer in the scene."""
+        return int(((self._lifetimes[:, 1] > 0) & (self._lifetimes[:, 1] < self.frames)).sum())
+
     def write_attributes(self, group: str, values: Mapping[str, object]) -> None:
         """Write ``values`` (numbers, texts, arrays) as attributes of a new group."""
         self._file.create_group(group).attrs.update(values)
@@ -254,6 +300,7 @@ class TrajectoryWriter:
         positions: np.ndarray,
         velocities: np.ndarray,
         poses: Mapping[str, Pose] | None = None,
+        ids: np.ndarray | None = None,
         forces: Mapping[str, Wrench] | None = None,
     ) -> None:
         """Append a copy of one frame.
@@ -262,6 +309,7 @@ class TrajectoryWriter:
             positions: (N, 3), meters.
             velocities: (N, 3), m/s.
             poses: by name of all that moves.
+            ids: (N,) of the particles that are in the scene, below the number of particles; by default all are.
             forces: of the fluid on solids, by name.
 
         Raises:
@@ -269,10 +317,22 @@ class TrajectoryWriter:
             ValueError: a shape is not (N, 3).
         """
         frame = self._buffer[:, self._buffered]
+        some = ids is not None and len(ids) != frame.shape[1]
+        shape = (len(ids), 3) if some and ids is not None else frame.shape[1:]
         for target, values in zip(frame, (positions, velocities), strict=True):
-            if np.shape(values) != target.shape:
-                raise ValueError(f"a frame is of shape {np.shape(values)} instead of {target.shape}")
-            target[:] = values
+            if np.shape(values) != shape:
+                raise ValueError(f"a frame is of shape {np.shape(values)} instead of {shape}")
+            if some:
+                target[:] = np.nan
+                target[ids] = values
+            else:
+                target[:] = values
+        here = self._lifetimes[ids if some else slice(None)]
+        new = here[:, 1] == 0
+        here[new, 0] = self.frames
+        here[:, 1] = self.frames + 1
+        if some:
+            self._lifetimes[ids] = here
         frame[1] /= VELOCITY_STEP
         np.round(frame[1], out=frame[1])
         frame[1] *= VELOCITY_STEP
@@ -291,13 +351,15 @@ class TrajectoryWriter:
         if not self._buffered:
             return
         frames = self._buffer[:, : self._buffered]
-        # Check first: HDF5 cannot recover when the disk becomes full (closing the file crashes).
-        self._check_disk_space(frames.nbytes + SPARE_BYTES)
+        needed, kept = frames.nbytes + SPARE_BYTES, f"; {self._written} frames are kept"
+        self._check_disk_space(needed, kept)
+        self._space.reserve(self._file.id.get_filesize() + needed, kept)
         try:
             for data, values in zip(self._sets, frames, strict=True):
                 data.resize(self.frames, axis=0)
                 write_chunks(data, self._written, values, self._shuffled)
             self._write_poses()
+            self._write_lifetimes()
             self._write_forces()
             self._file.flush()
         except (OSError, RuntimeError) as error:
@@ -306,6 +368,15 @@ class TrajectoryWriter:
         if self._buffered == FRAMES_PER_FLUSH:
             # One statement: an interrupt between two would count frames twice.
             self._written, self._buffered = self.frames, 0
+
+    def _write_lifetimes(self) -> None:
+        """Write when each particle was in the scene, unless all were in all frames."""
+        if (self._lifetimes == (0, self.frames)).all():
+            return
+        if LIFETIMES in self._file:
+            self._file[LIFETIMES][:] = self._lifetimes
+        else:
+            self._file[LIFETIMES] = self._lifetimes
 
     def _write_poses(self) -> None:
         """Write the poses of the buffered frames of everything that has moved so far."""
@@ -337,25 +408,51 @@ class TrajectoryWriter:
         data.resize(self._written + len(rows), axis=0)
         data[self._written :] = rows
 
-    def _check_disk_space(self, needed: int) -> None:
+    def _check_disk_space(self, needed: int, kept: str = "") -> None:
         try:
             free = shutil.disk_usage(self._path.parent).free
         except OSError as error:
             raise InputError(f"{self._path}: cannot be written ({error.strerror})") from None
         if free < needed:
-            raise InputError(f"{self._path}: cannot be written: the disk is full ({free / 1e6:.3g} MB are free)")
+            raise InputError(f"{self._path}: cannot be written: the disk is full ({free / 1e6:.3g} MB are free){kept}")
 
     def __enter__(self) -> TrajectoryWriter:
         return self
 
     def __exit__(self, kind: type | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        complete = error is None
         try:
             self.flush()
         except InputError:
+            complete, self._buffered = False, 0
             if error is None:
                 raise
         finally:
+            self._close()
+            if not (self.frames or complete):
+                self._path.unlink()
+        if complete and self._path != self._target:
+            self._path.replace(self._target)
+            self._path = self._target
+
+    def _close(self) -> None:
+        """Close the file and give back the space that it does not use.
+
+        Raises:
+            InputError: the disk is full.
+        """
+        try:
+            self._file.flush()
+            size = self._file.id.get_filesize()
             self._file.close()
+            self._space.release(size)
+        except (OSError, RuntimeError) as error:
+            raise InputError(f"{self._path}: cannot be written ({single_line(error)})") from None
+
+    @property
+    def path(self) -> Path:
+        """Where the frames are: beside the file that they replace until they are complete."""
+        return self._path
 
 
 def filled_poses(frames: Sequence[Mapping[str, Pose]], name: str, last: np.ndarray | None) -> np.ndarray:

@@ -8,6 +8,7 @@ from surfsup.scene.particle_file import ParticleFile
 from surfsup.scene.scene import Scene
 from surfsup.scene.shapes import Shape
 from surfsup.scene.start import SURFACE_CLEARANCE, WALL_CLEARANCE
+from surfsup.scene.taps import Drain, Tap
 from surfsup.scene.units import FRAME_TIME, Units
 
 __all__ = [
@@ -20,12 +21,14 @@ __all__ = [
     "WALL_CLEARANCE",
     "Block",
     "Container",
+    "Drain",
     "Fill",
     "Fluid",
     "InitialParticles",
     "ParticleFile",
     "Scene",
     "Shape",
+    "Tap",
     "Units",
     "load_mesh",
 ]

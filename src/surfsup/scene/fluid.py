@@ -154,15 +154,18 @@ class InitialParticles:
     @property
     def positions(self) -> np.ndarray:
         """Positions (N, 3) float32 of all particles in meters."""
-        return np.concatenate(self.block_positions)
+        return np.concatenate([np.empty((0, 3), np.float32), *self.block_positions])
 
     @property
     def velocities(self) -> np.ndarray:
         """Velocities (N, 3) float32 of all particles in m/s."""
         return np.concatenate(
             [
-                np.broadcast_to(np.array(velocity, np.float32), positions.shape)
-                for positions, velocity in zip(self.block_positions, self.block_velocities, strict=True)
+                np.empty((0, 3), np.float32),
+                *(
+                    np.broadcast_to(np.array(velocity, np.float32), positions.shape)
+                    for positions, velocity in zip(self.block_positions, self.block_velocities, strict=True)
+                ),
             ]
         )
 

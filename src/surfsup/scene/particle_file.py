@@ -1,4 +1,4 @@
-"""Particles from a file: NPY, CSV, PLY, VTK, or a frame of a trajectory."""
+"""Particles from a file: NPY, CSV, PLY, VTK, BGEO, or a frame of a trajectory."""
 
 from __future__ import annotations
 
@@ -10,10 +10,11 @@ import numpy as np
 from pydantic import field_validator
 
 from surfsup.errors import InputError
+from surfsup.scene.bgeo_points import read_bgeo
 from surfsup.scene.strict_model import StrictModel, Vector
 
 VTK_SUFFIXES = (".vtk", ".vtp", ".vtu")
-SUFFIXES = (".npy", ".csv", ".ply", *VTK_SUFFIXES, ".h5")
+SUFFIXES = (".npy", ".csv", ".ply", *VTK_SUFFIXES, ".bgeo", ".h5")
 VELOCITY_NAMES = ("velocity", "velocities", "v", "vel")
 
 
@@ -80,7 +81,7 @@ def read_particles(path: Path, frame: int | None = None) -> FileParticles:
     """Read particles.
 
     Args:
-        path: a NumPy array or text with the columns x, y, z and optionally three velocities; a PLY or VTK file of
+        path: a NumPy array or text with the columns x, y, z and optionally three velocities; a PLY, VTK or BGEO file of
             points, optionally with velocities; or a trajectory.
         frame: of a trajectory; None for the last.
 
@@ -152,7 +153,13 @@ def read_points(path: Path) -> np.ndarray:
     return points if name is None else np.concatenate([points, np.asarray(mesh.point_data[name])], axis=1)
 
 
-READERS = {".npy": read_npy, ".csv": read_csv, ".ply": read_points, **dict.fromkeys(VTK_SUFFIXES, read_points)}
+READERS = {
+    ".npy": read_npy,
+    ".csv": read_csv,
+    ".ply": read_points,
+    ".bgeo": read_bgeo,
+    **dict.fromkeys(VTK_SUFFIXES, read_points),
+}
 
 
 def read_trajectory(path: Path, frame: int | None) -> FileParticles:
@@ -170,8 +177,12 @@ def read_trajectory(path: Path, frame: int | None) -> FileParticles:
         if not 0 <= number < count:
             frames = f"the frames 0 to {count - 1}, not {number}" if count else "no frames"
             raise InputError(f"{path}: has {frames}")
+        values = [data[number] for data in (positions, velocities)]
+        if "00000/lifetime" in file:  # the particles that are in the scene in this frame
+            first, end = file["00000/lifetime"][:].T
+            values = [data[(first <= number) & (number < end)] for data in values]
         time = float(file.attrs.get("start_time", 0.0)) + number * float(file.attrs["frame_time"])
-        return FileParticles(positions[number], velocities[number], float(file.attrs["radius"]), time)
+        return FileParticles(values[0], values[1], float(file.attrs["radius"]), time)
 
 
 def end_time(path: Path) -> float:

@@ -23,6 +23,7 @@ from surfsup.scene.shapes import KINDS, Shape
 from surfsup.scene.solids import CONTAINER, SINGLE, NamedShape, as_named_shape, build_solids
 from surfsup.scene.start import initial_particles
 from surfsup.scene.strict_model import Density, Finite, Length, StrictModel, Velocity, for_callers_only
+from surfsup.scene.taps import Drain, Passage, Tap
 from surfsup.scene.units import Units
 from surfsup.scene.validation_error import format_validation_error
 from surfsup.sdf import Surface
@@ -65,6 +66,8 @@ class Scene(StrictModel):
         fps: frames per second; by default each frame of the simulator, 5 ms · √(particle_radius / 15 mm), is one.
         duration: seconds, instead of ``frames``.
         restart: a trajectory whose last frame replaces the start of the fluid; time continues.
+        taps: from which water enters; ``fluid`` may then be empty.
+        drains: in which water leaves.
         forces: names of the solids on which the force of the fluid is recorded, or ``all``. The walls are
             ``container``, a single surface is ``surface``.
         density: of the fluid at rest, kg/m³.
@@ -83,13 +86,15 @@ class Scene(StrictModel):
     container: Container = STANDARD_CONTAINER
     surface: Annotated[Shape | Surface | None, SurfaceSchema] = None
     surfaces: dict[str, Annotated[NamedShape | Surface, NamedSchema]] = Field(default_factory=dict)
-    fluid: list[Fluid] = Field(min_length=1)
+    fluid: list[Fluid]
     gravity: Velocity = (0.0, 0.0, -9.81)
     frames: int = Field(default=800, ge=1)
     particle_radius: Finite = PARTICLE_RADIUS
     fps: Length | None = None
     duration: Length | None = None
     restart: Path | None = None
+    taps: list[Tap] = Field(default_factory=list)
+    drains: list[Drain] = Field(default_factory=list)
     forces: Literal["all"] | list[str] = Field(default_factory=list)
     density: Density = 1000.0
     _folder: Path = PrivateAttr(default=Path())
@@ -98,7 +103,7 @@ class Scene(StrictModel):
     def __init__(
         self,
         *,
-        fluid: Sequence[Block | Fill | ParticleFile | Fluid],
+        fluid: Sequence[Block | Fill | ParticleFile | Fluid] = (),
         surface: Shape | Surface | None = None,
         surfaces: Mapping[str, Shape | Surface] | None = None,
         container: Container = STANDARD_CONTAINER,
@@ -108,6 +113,8 @@ class Scene(StrictModel):
         fps: float | None = None,
         duration: float | None = None,
         restart: Path | str | None = None,
+        taps: Sequence[Tap] = (),
+        drains: Sequence[Drain] = (),
         forces: Literal["all"] | Sequence[str] = (),
         density: float = 1000.0,
     ) -> None:
@@ -123,6 +130,8 @@ class Scene(StrictModel):
             fps=fps,
             duration=duration,
             restart=restart,
+            taps=list(taps),
+            drains=list(drains),
             forces=forces if forces == "all" else list(forces),
             density=density,
             **given,
@@ -146,6 +155,14 @@ class Scene(StrictModel):
                 raise ValueError(f"surfaces: '{name}' cannot be the name of a surface; choose another")
         return values
 
+    @model_validator(mode="before")
+    @classmethod
+    def allow_empty_start(cls, values: Any) -> Any:
+        """A scene with taps may begin without fluid."""
+        if isinstance(values, dict) and values.get("taps") and "fluid" not in values:
+            return {**values, "fluid": []}
+        return values
+
     @field_validator("particle_radius")
     @classmethod
     def check_radius(cls, radius: float) -> float:
@@ -153,6 +170,27 @@ class Scene(StrictModel):
         if not MIN_RADIUS <= radius <= MAX_RADIUS:
             raise ValueError(f"must be from {MIN_RADIUS:g} to {MAX_RADIUS:g} m")
         return radius
+
+    @model_validator(mode="after")
+    def check_water(self) -> Scene:
+        """Require water, taps that particles fit through, and carriers that are there."""
+        if not self.fluid and not self.taps:
+            raise ValueError("fluid: is empty, and there are no taps; give water or a tap")
+        carriers = (*self.surfaces, CONTAINER)
+        passages: dict[str, Sequence[Passage]] = {"taps": self.taps, "drains": self.drains}
+        for key, entries in passages.items():
+            for number, entry in enumerate(entries):
+                try:
+                    if isinstance(entry, Tap):
+                        entry.check_opening(self.spacing)
+                except ValueError as error:
+                    raise ValueError(f"{key}.{number}.{error}") from None
+                if entry.carrier is not None and entry.carrier not in carriers:
+                    known = ", ".join(self.surfaces) or "none; name them under 'surfaces'"
+                    raise ValueError(
+                        f"{key}.{number}.carrier: there is no surface '{entry.carrier}'; the scene's are {known}"
+                    )
+        return self
 
     @model_validator(mode="after")
     def check_blocks(self) -> Scene:
@@ -302,7 +340,7 @@ class Scene(StrictModel):
                 f"{type(self.surfaces[missing[0]]).__name__} object; give a Shape, or a surface from load_mesh"
             )
         data = self.model_copy(update={"surface": shape, "surfaces": named}).model_dump(
-            mode="json", exclude_defaults=True
+            mode="json", exclude_defaults=True, by_alias=True
         )
         return yaml.safe_dump(data, sort_keys=False, default_flow_style=None)
 
@@ -348,6 +386,7 @@ class Scene(StrictModel):
             },
             "fluid": [entry.map_files(relocate) for entry in self.fluid],
             "restart": None if self.restart is None else relocate(self.restart),
+            "drains": [drain.map_files(relocate) for drain in self.drains],
         }
         if shake is not None:
             changes["container"] = self.container.model_copy(update={"motion": shake.map_files(relocate)})
@@ -374,6 +413,11 @@ class Scene(StrictModel):
         """Whether a surface or the container has a motion, or is a rigid body."""
         named = (entry for entry in self.surfaces.values() if isinstance(entry, NamedShape))
         return self.container.motion is not None or any(entry.moves for entry in named)
+
+    @property
+    def is_open(self) -> bool:
+        """Whether water enters or leaves, so that the number of particles varies."""
+        return bool(self.taps or self.drains)
 
     def with_base_folder(self, folder: Path) -> Scene:
         """A copy whose relative paths start at ``folder``."""

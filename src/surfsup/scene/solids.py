@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 
 CONTAINER = "container"  # the name under which the container moves, and of forces on its walls
 SINGLE = "surface"  # the name of the surface of a scene without names
+MAX_OWN_DISTANCE = 1000.0  # meters of a point of a moving solid from its own origin, where floats are 0.06 mm apart
 
 
 class NamedShape(Shape):
@@ -60,8 +61,19 @@ class NamedShape(Shape):
         return Pose.of(self.at, rotation)
 
     def own_surface(self, folder: Path) -> Surface:
-        """The surface in its own frame: scaled, neither rotated nor moved."""
-        return self.model_copy(update={"rotate": None, "at": (0.0, 0.0, 0.0)}).surface(folder)
+        """The surface in its own frame: scaled, neither rotated nor moved.
+
+        Raises:
+            InputError: a file is missing or unusable, or the surface lies far from its own origin.
+        """
+        surface = self.model_copy(update={"rotate": None, "at": (0.0, 0.0, 0.0)}).surface(folder)
+        distance = float(surface.bounds().abs().max())
+        if distance > MAX_OWN_DISTANCE:
+            raise InputError(
+                f"surfaces: one that moves lies up to {distance:.4g} m from the origin of its own file, about which it "
+                "turns; give a mesh 'fit', which centers it"
+            )
+        return surface
 
     def map_files(self, function: Callable[[Path], Path]) -> NamedShape:
         """A copy with ``function`` applied to the path of every file, that of its motion too."""

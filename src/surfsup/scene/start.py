@@ -52,7 +52,7 @@ def initial_particles(scene: Scene, surface: Surface | None) -> InitialParticles
             velocities.append(velocity[free] if isinstance(velocity, np.ndarray) else velocity)
             settle.append(entry.settle)
             placed = np.concatenate([placed, positions[free]])
-    if not blocks:
+    if not blocks and scene.fluid:
         raise InputError(
             f"fluid: all {excluded} particles are inside the solid; move the {scene.fluid[0].kind} or make the surface "
             "smaller"
@@ -190,20 +190,29 @@ def restarted(scene: Scene, surface: Surface | None) -> InitialParticles:
 
 
 def require_memory(scene: Scene) -> None:
-    """Refuse blocks of more particles than the memory of this machine holds.
+    """Refuse blocks and taps of more particles than the memory of this machine holds.
 
     Raises:
         InputError: with their number, and the radius that would fit.
     """
     blocks = [entry.block for entry in scene.fluid if entry.block is not None]
     count = sum(math.prod(sites_along(block, axis, scene.spacing) for axis in range(3)) for block in blocks)
+    entering = entering_particles(scene)
     available = available_memory() // BYTES_PER_PARTICLE
-    if count > available:
-        fitting = scene.particle_radius * (count / available) ** (1 / 3)
+    if count + entering > available:
+        fitting = scene.particle_radius * ((count + entering) / available) ** (1 / 3)
+        from_taps = f", {entering:,} of them from taps" if entering else ""
         raise InputError(
-            f"particle_radius: {scene.particle_radius:g} m gives {count:,.0f} particles, but this machine has memory "
-            f"for some {available:,}; with {round_up(fitting):g} m they would fit"
+            f"particle_radius: {scene.particle_radius:g} m gives {count + entering:,.0f} particles{from_taps}, but "
+            f"this machine has memory for some {available:,}; with {round_up(fitting):g} m they would fit"
         )
+
+
+def entering_particles(scene: Scene) -> int:
+    """Number of particles that enter through taps until the last frame."""
+    start = scene.start_time
+    end = start + (scene.frames - 1) * scene.frame_time
+    return sum(tap.nozzle(scene.spacing).count(start, end) for tap in scene.taps)
 
 
 def sites_along(block: Block, axis: int, spacing: float) -> float:

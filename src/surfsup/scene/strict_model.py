@@ -44,7 +44,7 @@ class StrictModel(BaseModel):
         InputError: a key is unknown or missing, or a value is out of range; one line that names the place.
     """
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, populate_by_name=True)
 
     @for_callers_only
     def __init__(self, **values: Any) -> None:

@@ -42,11 +42,13 @@ def abbreviate(value: object) -> str:
 def valid_keys(model: type[BaseModel], location: Sequence[str | int]) -> list[str]:
     """The keys that are valid at ``location`` inside ``model``."""
     for key in location:
+        if isinstance(key, str) and key not in model.model_fields:  # the alias of a value
+            return []
         nested = nested_model(model.model_fields[key].annotation) if isinstance(key, str) else model
         if nested is None:
             return []
         model = nested
-    return list(model.model_fields)
+    return [field.alias or name for name, field in model.model_fields.items()]
 
 
 def nested_model(annotation: object) -> type[BaseModel] | None:

@@ -17,6 +17,7 @@ from surfsup.scene import Scene
 from surfsup.scene.flush import with_flush_solids
 from surfsup.scene.solids import Solids, build_solids
 from surfsup.sdf import Surface, Transformed
+from surfsup.sdf.edges import with_edges
 from surfsup.sph.boundary.boundary_map import BoundaryMap
 from surfsup.sph.impulses import Impulses
 from surfsup.sph.moving import FrameMotion, MovingSolids
@@ -35,7 +36,7 @@ class Environment:
     """Solid, container and gravity. They are constant; if one changes, make a new environment.
 
     Attributes:
-        surface: the solid that stands still, or None.
+        surface: the solid that stands still, or None; with the true distance beside edges of parts that are cut off.
         lower, upper: (3,) corners of the container, meters.
         gravity: (3,), m/s².
         boundary_map: the solid's volume map. None without a solid, and for solids whose shape requires a gradient:
@@ -88,7 +89,7 @@ class Environment:
         if solids is not None and (fitted := with_flush_solids(solids)) is not solids:
             solids, surface = fitted, fitted.still
         return cls(
-            None if surface is None else surface_on(surface, device),
+            None if surface is None else surface_on(with_edges(surface), device),
             torch.tensor(container.lower, device=device),
             torch.tensor(container.upper, device=device),
             torch.tensor(scene.gravity, device=device),

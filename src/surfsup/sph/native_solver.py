@@ -182,10 +182,19 @@ class NativeSolver:
 
     def _last_query(self, environment: Environment, count: int) -> tuple[np.ndarray, np.ndarray]:
         """Copies of where ``count`` particles last queried the solid (N, 3), and their distances there (N,)."""
-        if self._last is None or self._last[0] is not environment.base or len(self._last[1].distance) != count:
+        if self._last is None or self._last[0] is not environment.base:
             return np.zeros((count, 3), np.float32), np.zeros(count, np.float32)  # so close that all query again
         last = self._last[1]
-        return last.positions.numpy().copy(), last.distance.numpy().copy()
+        positions, distance = last.positions.numpy().copy(), last.distance.numpy().copy()
+        # If particles have entered or left: what was found at a place holds for any particle. New ones query again.
+        return with_length(positions, count), with_length(distance, count)
+
+
+def with_length(values: np.ndarray, count: int) -> np.ndarray:
+    """The first ``count`` rows of an array, with zeros for those that it does not have."""
+    if len(values) < count:
+        values = np.concatenate([values, np.zeros((count - len(values), *values.shape[1:]), values.dtype)])
+    return values[:count]
 
 
 def can_step_native(state: ParticleState, environment: Environment) -> bool:

@@ -37,11 +37,14 @@ class Simulator(ABC, Generic[StateType]):
     Attributes:
         history_length: number of frames before the present one that a state holds.
         knows_moving_solids: whether solids and container may move.
+        knows_taps: whether the number of particles may change from frame to frame; its state is then positions and
+            velocities alone.
         measures_forces: whether it computes the forces of the fluid on solids.
     """
 
     history_length: ClassVar[int]
     knows_moving_solids: ClassVar[bool] = False
+    knows_taps: ClassVar[bool] = False
     measures_forces: ClassVar[bool] = False
 
     @abstractmethod

@@ -61,6 +61,7 @@ class DfsphSolver(Simulator[ParticleState]):
     """
 
     knows_moving_solids: ClassVar[bool] = True
+    knows_taps: ClassVar[bool] = True
     measures_forces: ClassVar[bool] = True
     history_length: ClassVar[int] = 0  # positions and end-of-frame velocities are the whole state
 

@@ -26,6 +26,8 @@ def warn_compressed_start(scene: Scene, start: InitialParticles) -> None:
         CompressedStartWarning: they are.
     """
     positions, size = start.positions, scene.units.length
+    if not len(positions):
+        return
     gaps = np.concatenate(
         [positions.min(axis=0) - scene.container.lower, np.subtract(scene.container.upper, positions.max(axis=0))]
     )

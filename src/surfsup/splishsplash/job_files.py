@@ -15,7 +15,8 @@ from surfsup.scene.strict_model import Vector
 from surfsup.sph.boundary.volume_map import VolumeMap
 from surfsup.sph.dfsph import VISCOSITY
 from surfsup.sph.state import SUBSTEP_TIME
-from surfsup.splishsplash.child_process import VELOCITY_FILE
+from surfsup.splishsplash.child_process import DRAINS_FILE, ENTERING_FILE, VELOCITY_FILE
+from surfsup.splishsplash.entering_water import EnteringWater
 from surfsup.splishsplash.map_file import write_map
 from surfsup.splishsplash.solid_motion import MOTION_FILE, SolidMotion, write_motions
 
@@ -93,6 +94,7 @@ def write_job(
     velocities: Sequence[Vector | np.ndarray],
     boundaries: Sequence[VolumeMap],
     motions: Sequence[SolidMotion | None] = (),
+    entering: EnteringWater | None = None,
 ) -> Path:
     """Write the scene, the particles and the boundaries into ``folder``, which no other job uses.
 
@@ -103,11 +105,18 @@ def write_job(
         velocities: of each block, or of each of its particles (N, 3), m/s.
         boundaries: volume maps, those of solids that move in their own frames.
         motions: of each boundary, None for one that stands still.
+        entering: the water that enters and leaves.
 
     Returns:
         The scene file's path.
     """
     (folder / BODY_FILE).write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    if entering is not None:
+        np.save(folder / ENTERING_FILE, entering.table())
+        if entering.passages.drains:
+            (folder / DRAINS_FILE).touch()
+        if len(entering.parked):
+            blocks, velocities = [*blocks, entering.parked], [*velocities, (0.0, 0.0, 0.0)]
     fluid_files = [f"fluid-{number}.bgeo" for number in range(len(blocks))]
     for file, positions in zip(fluid_files, blocks, strict=True):
         (folder / file).write_bytes(particle_file(positions))

@@ -24,6 +24,7 @@ from surfsup.sph.boundary.scene_boundaries import exact_outside, scene_volume_ma
 from surfsup.sph.boundary.volume_map import VolumeMap
 from surfsup.sph.interpolation import frames_needed, resample
 from surfsup.sph.state import SUBSTEPS
+from surfsup.splishsplash.entering_water import EnteringWater
 from surfsup.splishsplash.job_files import write_job
 from surfsup.splishsplash.solid_motion import SolidMotion
 
@@ -51,34 +52,42 @@ def simulate(
 
     Yields:
         Positions (N, 3) in meters and velocities (N, 3) in m/s of one frame, both float32. Particle i is the same in
-        all frames and in ``start``.
+        all frames and in ``start``. Where water enters or leaves, N is the number of particles that are ever in the
+        scene, and those that are not in it have NaN.
 
     Raises:
         SolverError: the child process ended early.
         InputError: the solver or a library that it needs is not installed, or the surface is not near the container.
     """
-    units = scene.units
-    solids = build_solids(scene) if scene.moves else Solids(surface)
-    solids.require_described()
-    solids = units.solids_to_solver(replace(solids, still=surface), scene.start_time)
+    units = scene.units.around(scene, start)
+    own_solids = replace(build_solids(scene) if scene.moves else Solids(surface), still=surface)
+    own_solids.require_described()
+    solids = units.solids_to_solver(own_solids, scene.start_time)
     solver_scene, start = units.scene_to_solver(scene), units.particles_to_solver(start)
     interval = scene.frame_time / units.frame_time
-    frames = simulate_frames(solver_scene, solids, start, frames_needed(scene.frames, interval), threads)
+    count = frames_needed(scene.frames, interval)
+    entering = EnteringWater.of(scene, own_solids, start, count) if scene.is_open else None
+    frames = simulate_frames(solver_scene, solids, start, count, threads, entering)
     with contextlib.closing(frames):
         for frame in resample(frames, interval):
             yield units.frame_from_solver(*frame)
 
 
 def simulate_frames(
-    scene: Scene, solids: Solids, start: InitialParticles, count: int, threads: int
+    scene: Scene,
+    solids: Solids,
+    start: InitialParticles,
+    count: int,
+    threads: int,
+    entering: EnteringWater | None = None,
 ) -> Generator[Frame, None, None]:
     """Run ``count`` frames of 5 ms of a scene in the units of the solver; see :func:`simulate`."""
     maps, motions = boundaries_of(scene, solids, count)
     with tempfile.TemporaryDirectory(prefix="surfsup-") as folder, tempfile.TemporaryFile() as log:
         scene_file = write_job(
-            Path(folder), scene.gravity, start.block_positions, start.block_velocities, maps, motions
+            Path(folder), scene.gravity, start.block_positions, start.block_velocities, maps, motions, entering
         )
-        frames = run_child(scene_file, count, len(start.positions), threads, log)
+        frames = run_child(scene_file, count, len(start.positions), threads, log, entering)
         with contextlib.closing(frames):
             for number, frame in enumerate(frames):
                 if number == 1:  # the solver has read all files by now; delete them before a kill can leave them behind
@@ -116,13 +125,19 @@ def check_installed() -> None:
 
 
 def run_child(
-    scene_file: Path, frames: int, particles: int, threads: int, log: IO[bytes]
+    scene_file: Path,
+    frames: int,
+    particles: int,
+    threads: int,
+    log: IO[bytes],
+    entering: EnteringWater | None = None,
 ) -> Generator[Frame, None, None]:
     """Start the child process with ``scene_file`` and yield its frames; its messages go to ``log``."""
+    particles = particles if entering is None else entering.count
     command = [sys.executable, "-m", "surfsup.splishsplash.child_process", str(scene_file), str(frames), str(SUBSTEPS)]
     environment = {**os.environ, "OMP_NUM_THREADS": str(threads), "OMP_WAIT_POLICY": "passive"}
-    child = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=log, env=environment)
-    assert child.stdout is not None
+    child = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=log, env=environment)
+    assert child.stdin is not None and child.stdout is not None
     enlarge_pipe(child.stdout)
     try:
         header = child.stdout.read(8)
@@ -130,17 +145,57 @@ def run_child(
         if len(header) == 8 and count != particles:
             raise SolverError(f"the reference solver started with {count} particles instead of {particles}")
         size = particles * 3 * 4
+        absent = None if entering is None else AbsentParticles(entering, child.stdin)
         for frame in range(frames):
             data = child.stdout.read(2 * size)
             if len(data) < 2 * size:
                 raise exit_error(child.wait(), frame, log)
             values = np.frombuffer(data, dtype=np.float32).reshape(2, particles, 3)
-            yield values[0].copy(), values[1].copy()
+            positions, velocities = values[0].copy(), values[1].copy()
+            if absent is not None:
+                absent.mark(positions, velocities, frame)
+            yield positions, velocities
         child.wait()
     finally:
         child.kill()
         child.stdout.close()
+        with contextlib.suppress(BrokenPipeError):
+            child.stdin.close()
         child.wait()
+
+
+class AbsentParticles:
+    """Marks the particles that are not in the scene, and gives the child process those that drains have taken.
+
+    Args:
+        entering: the water that enters and leaves.
+        reply: standard input of the child process.
+    """
+
+    def __init__(self, entering: EnteringWater, reply: IO[bytes]) -> None:
+        self._entering, self._reply = entering, reply
+        self._gone = np.zeros(entering.count, bool)
+        self._before = np.zeros((0, 3))
+
+    def mark(self, positions: np.ndarray, velocities: np.ndarray, frame: int) -> None:
+        """Set the positions and velocities (N, 3) of particles to NaN that are not in the scene in ``frame``.
+
+        Raises:
+            SolverError: the position of another one is not finite.
+        """
+        absent = self._gone | (self._entering.first_frames > frame)
+        if not np.isfinite(positions[~absent]).all():
+            raise SolverError(f"the reference solver has a position that is not finite in frame {frame}")
+        positions[absent], velocities[absent] = np.nan, np.nan
+        if self._entering.passages.drains and frame:
+            taken = self._entering.taken(self._before, positions.astype(np.float64), frame)
+            ids = np.flatnonzero(taken)
+            with contextlib.suppress(BrokenPipeError):  # the child ended after its last frame
+                self._reply.write(np.int64(len(ids)).tobytes() + ids.astype(np.int64).tobytes())
+                self._reply.flush()
+            self._gone |= taken
+            positions[taken], velocities[taken] = np.nan, np.nan
+        self._before = positions.astype(np.float64)
 
 
 def enlarge_pipe(pipe: IO[bytes]) -> None:

@@ -13,7 +13,7 @@ from surfsup.io.atomic_file import atomic_file
 from surfsup.io.trajectory import Trajectory
 from surfsup.sweep.case import Case
 from surfsup.viewing.label import label
-from surfsup.viewing.static_scene import FULL_LIGHT
+from surfsup.viewing.shadow_maps import FULL_LIGHT
 from surfsup.viewing.trajectory_pictures import TrajectoryRenderer
 
 SIZE = (320, 240)  # pixels of a picture

@@ -14,14 +14,13 @@ import numpy as np
 
 from surfsup.datasets.folder import PARTIAL
 from surfsup.evaluation.metrics import center_height, kinetic_energy
-from surfsup.io.output_folder import FrameValues, OutputFolder
+from surfsup.io.output_folder import OutputFolder, OutputFrame
 from surfsup.io.trajectory import Provenance
 from surfsup.simulation import Frame, Simulation
 from surfsup.sweep.case import Case
 from surfsup.sweep.variation import Value
 
 RESULT = "result.json"
-Frames = Iterator[FrameValues]
 
 
 @dataclass
@@ -30,21 +29,22 @@ class WaterStatistics:
 
     Attributes:
         max_speed: of any particle in any frame, m/s.
-        center_height: of the center of mass in the last frame, meters.
-        kinetic_energy: in the last frame, J/kg.
+        center_height: of the center of mass in the last frame with water, meters.
+        kinetic_energy: in the same frame, J/kg.
     """
 
     max_speed: float = 0.0
     center_height: float = math.nan
     kinetic_energy: float = math.nan
 
-    def watch(self, frames: Iterator[Frame]) -> Frames:
+    def watch(self, frames: Iterator[Frame]) -> Iterator[OutputFrame]:
         """Pass the frames on."""
         for frame in frames:
-            self.max_speed = max(self.max_speed, float(np.linalg.norm(frame.velocities, axis=1).max()))
-            self.center_height = center_height(frame.positions)
-            self.kinetic_energy = kinetic_energy(frame.velocities)
-            yield frame.positions, frame.velocities, frame.poses, frame.forces
+            if len(frame.positions):
+                self.max_speed = max(self.max_speed, float(np.linalg.norm(frame.velocities, axis=1).max()))
+                self.center_height = center_height(frame.positions)
+                self.kinetic_energy = kinetic_energy(frame.velocities)
+            yield frame.positions, frame.velocities, frame.poses, frame.ids, frame.forces
 
 
 def simulate_case(
@@ -69,7 +69,7 @@ def simulate_case(
     try:
         scene = case.scene
         simulation = Simulation(scene, simulator, device="cpu")
-        output = OutputFolder(partial, len(simulation.particles.positions), scene.frames)
+        output = OutputFolder(partial, simulation.most_ids(), scene.frames)
         water = WaterStatistics()
         frames = water.watch(until(simulation.run()))
         summary = output.record(

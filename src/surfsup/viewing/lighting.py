@@ -38,19 +38,32 @@ def sky_radiance(directions: np.ndarray) -> np.ndarray:
 
 
 def environment_radiance(directions: np.ndarray) -> np.ndarray:
-    """Radiance (..., 3) float32 from unit ``directions`` (..., 3): sky, lit floor and a bright window."""
-    radiance = sky_radiance(directions)
-    radiance = radiance + np.clip(-directions[..., 2:] * 5.0, 0.0, 1.0) * (FLOOR_ALBEDO * 0.85 - radiance)
+    """Radiance (3, N) float32 from unit ``directions`` (3, N): sky, lit floor and a bright window."""
+    height = directions[2]
+    blend = np.clip(height, 0.0, 1.0) ** np.float32(0.6)
+    ground = np.clip(height * np.float32(-5.0), 0.0, 1.0)
+    radiance = SKY_HORIZON[:, None] + blend * (SKY_ZENITH - SKY_HORIZON)[:, None]
+    radiance += ground * (FLOOR_ALBEDO[:, None] * np.float32(0.85) - radiance)
     # The window around the sun gives water its broad highlights.
-    cosine = directions @ SUN_DIRECTION.astype(np.float32)
-    window = np.clip((cosine - 0.86) / 0.06, 0.0, 1.0)[..., None]
-    return radiance + (window * window * (3.0 - 2.0 * window)) * np.float32(1.6)
+    cosine = SUN_DIRECTION.astype(np.float32) @ directions
+    window = np.clip((cosine - np.float32(0.86)) / np.float32(0.06), 0.0, 1.0)
+    return radiance + window * window * (3.0 - 2.0 * window) * np.float32(1.6)
+
+
+def _byte_table() -> np.ndarray:
+    radiance = np.arange(_TABLE_SIZE) / _TABLE_STEPS
+    compressed = np.where(radiance < 0.8, radiance, 0.8 + 0.2 * (1.0 - np.exp(-(radiance - 0.8) / 0.2)))
+    return (compressed ** (1 / 2.2) * 255.0 + 0.5).astype(np.uint8)
+
+
+_TABLE_STEPS, _TABLE_SIZE = 16_384, 65_536  # the table ends at a radiance of 4, where all is white
+_BYTES = _byte_table()
 
 
 def tone_map(radiance: np.ndarray) -> np.ndarray:
     """Linear color as gamma-encoded uint8 of the same shape; highlights are compressed instead of clipped."""
-    compressed = np.where(radiance < 0.8, radiance, 0.8 + 0.2 * (1.0 - np.exp(-(radiance - 0.8) / 0.2)))
-    return (np.clip(compressed, 0.0, 1.0) ** (1 / 2.2) * 255.0 + 0.5).astype(np.uint8)
+    index = np.clip(radiance * np.float32(_TABLE_STEPS), 0, _TABLE_SIZE - 1).astype(np.uint16)
+    return _BYTES[index]
 
 
 LINEAR_FROM_BYTE = ((np.arange(256) / 255.0) ** 2.2).astype(np.float32)

@@ -1,24 +1,66 @@
-"""Pictures of a scene's frames: the static scene is rendered once, then each frame adds its water."""
+"""Pictures of a scene's frames: the scene without water is drawn once, then each frame adds its water.
+
+A frame changes a box of the picture, and only that is drawn anew. Water is shaded once for each pixel that it covers
+whole, and for each sample of pixels on its rim.
+"""
+
+from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 import trimesh
 
 from surfsup.viewing import lighting
-from surfsup.viewing.camera import Camera, fit_camera, picture_scale
+from surfsup.viewing.camera import DEFAULT_DIRECTION, ViewDirection, fit_camera, picture_scale
+from surfsup.viewing.container_edges import ContainerEdges
+from surfsup.viewing.lit_solid import LitSolid
 from surfsup.viewing.moving_mesh import container_corners
+from surfsup.viewing.pixel_box import PixelBox
 from surfsup.viewing.rasterizer import Rasterizer
-from surfsup.viewing.static_scene import FULL_LIGHT, MOVING_LIGHT, Light, StaticScene, clipping_range
-from surfsup.viewing.water import light_space_axes, reconstruct_surface, shade_water, water_shadow, water_thickness
+from surfsup.viewing.shadow_maps import FULL_LIGHT, MOVING_LIGHT, Light
+from surfsup.viewing.static_view import StaticView, clipping_range
+from surfsup.viewing.viewpoint import SUPERSAMPLING, Viewpoint, repeated
+from surfsup.viewing.water import (
+    Background,
+    Samples,
+    WaterSurface,
+    reconstruct_surface,
+    shade_water,
+    water_thickness,
+)
+from surfsup.viewing.water_shadow import ShadowReceiver
 
-if TYPE_CHECKING:
-    import pyvista
+_MARGIN = 16  # pixels around the water, for what refraction shows of its surroundings
 
-_SUPERSAMPLING = 2  # rendered pixels per pixel of the picture, along each axis
-_EDGE_COLOR = np.array([0.30, 0.36, 0.42], np.float32)
-_EDGE_OPACITY = 0.55
+
+@dataclass(frozen=True)
+class DryPicture:
+    """The scene of a frame without its water, and its tone-mapped picture (H, W, 3)."""
+
+    view: StaticView
+    receiver: ShadowReceiver
+    edges: ContainerEdges
+    picture: np.ndarray
+
+
+@dataclass(frozen=True)
+class DrawnWater:
+    """The front of the water in a box of the picture, before shading.
+
+    Attributes:
+        positions: (N, 3) of the particles, meters.
+        box: of the picture.
+        depth: (2 h, 2 w) of its samples, infinite without water.
+        colors: (2 h, 2 w, 3) uint8, the normals.
+        dry: the picture behind it.
+    """
+
+    positions: np.ndarray
+    box: PixelBox
+    depth: np.ndarray
+    colors: np.ndarray
+    dry: DryPicture
 
 
 class FrameRenderer:
@@ -31,6 +73,8 @@ class FrameRenderer:
         bounds: corners (2, 3) of a box that solids which move stay in, meters, or None.
         focus: points (N, 3) to show beside solid and floor, for instance the particles of frame 0; or None.
         size: (width, height) of the picture in pixels.
+        direction: from where the camera looks.
+        turntable: whether the camera shall go around, by :meth:`turn`.
 
     Raises:
         InputError: this machine cannot render off screen; the message names the missing packages.
@@ -44,116 +88,153 @@ class FrameRenderer:
         focus: np.ndarray | None = None,
         size: tuple[int, int] = (960, 720),
         bounds: np.ndarray | None = None,
+        direction: ViewDirection = DEFAULT_DIRECTION,
+        turntable: bool = False,
     ) -> None:
         self._scale = picture_scale(container_size, particle_radius)
         x, y, z = (self._scale * side for side in container_size)
         self._radius, self._container_size = self._scale * particle_radius, (x, y, z)
         focus = None if focus is None else self._scale * focus
-        render_size = (size[0] * _SUPERSAMPLING, size[1] * _SUPERSAMPLING)
         if bounds is None and solid is not None:
             bounds = np.asarray(solid.bounds)
         bounds = None if bounds is None else self._scale * bounds
-        self._camera = fit_camera(self._container_size, bounds, focus, render_size)
-        self._rasterizer = Rasterizer(render_size)
-        self._rays, self._draws_edges = self._camera.rays(), True
+        self._camera = fit_camera(self._container_size, bounds, focus, size, direction, turntable)
+        self._first_camera = self._camera
+        self._viewpoint, self._rasterizer, self._draws_edges = Viewpoint(self._camera), Rasterizer(), True
         self.set_solid(solid, container_corners(container_size, {}, 0), FULL_LIGHT)
 
     def set_solid(self, solid: trimesh.Trimesh | None, corners: np.ndarray, light: Light = MOVING_LIGHT) -> None:
         """Draw ``solid`` and a container with ``corners`` (8, 3) in meters from now on."""
         if self._scale != 1 and solid is not None:
             solid = solid.copy().apply_scale(self._scale)
-        corners = self._scale * corners
-        self._static = StaticScene(solid, self._camera, self._rasterizer, light)
-        self._edges = _container_edges(corners, self._camera)
-        # Water casts shadows on the solid and on the floor, up to the reach of a low sun. Shadows are soft, so one
-        # point for each pixel of the picture is enough.
-        depth = self._static.depth[::_SUPERSAMPLING, ::_SUPERSAMPLING]
-        finite = np.isfinite(depth)
-        rays = self._rays[::_SUPERSAMPLING, ::_SUPERSAMPLING]
-        points = self._camera.eye.astype(np.float32) + np.where(finite, depth, 0.0)[..., None] * rays
-        self._receives_shadow = finite & (np.abs(points[..., :2]).max(-1) < 2.0 * max(self._container_size))
-        self._shadow_points = points[self._receives_shadow] @ light_space_axes().T
-        self._rasterizer.set_perspective(self._camera, *clipping_range(self._camera))
+        self._solid, self._corners = LitSolid(solid, self._rasterizer, light), self._scale * corners
+        self._draw_dry()
+
+    def turn(self, degrees: float) -> None:
+        """Look from a camera that has turned so far about the vertical axis."""
+        self._camera = self._first_camera.turned(degrees)
+        self._viewpoint = Viewpoint(self._camera)
+        self._draw_dry()
 
     def omit_edges(self) -> None:
         """Draw no edges of the container, which is open."""
         self._draws_edges = False
+        self._draw_dry()
+
+    def _draw_dry(self) -> None:
+        view = StaticView(self._solid, self._viewpoint, self._rasterizer)
+        edges = ContainerEdges.of(self._corners, self._camera) if self._draws_edges else ContainerEdges.none()
+        radiance = view.radiance.copy()
+        edges.draw(radiance, view.fine_depth, PixelBox.whole(self._camera.size))
+        receiver = ShadowReceiver(view, max(self._container_size[:2]))
+        self._dry = DryPicture(view, receiver, edges, to_picture(radiance))
 
     def render(self, positions: np.ndarray) -> np.ndarray:
         """The picture (height, width, 3) uint8 of particles at ``positions`` (N, 3), meters.
 
         Particles with a non-finite position are left out.
         """
-        positions = np.asarray(positions, np.float32)
-        positions = self._scale * positions[np.isfinite(positions).all(1)]
-        picture, depth = self._static.radiance.copy(), self._static.depth
-        light = np.ones(self._receives_shadow.shape, np.float32)
-        light[self._receives_shadow] = water_shadow(positions, self._radius, self._shadow_points)
-        picture *= light.repeat(_SUPERSAMPLING, 0).repeat(_SUPERSAMPLING, 1)[..., None]
+        return self.shade(self.draw(*self.reconstruct(positions)))
 
-        surface = reconstruct_surface(positions, self._radius)
-        if surface.n_points:
-            picture, depth = self._add_water(surface, positions, picture)
-        if self._draws_edges:
-            self._edges.draw(picture, depth)
-        width, height = self._camera.size
-        shape = (height // _SUPERSAMPLING, _SUPERSAMPLING, width // _SUPERSAMPLING, _SUPERSAMPLING, 3)
-        return lighting.tone_map(picture.reshape(shape).mean((1, 3)))
+    def reconstruct(self, positions: np.ndarray) -> tuple[np.ndarray, WaterSurface]:
+        """The first of three parts of :meth:`render`: positions as drawn, and the surface of the water.
+
+        Only the second part, :meth:`draw`, is bound to the thread that made the renderer.
+        """
+        positions = np.asarray(positions, np.float32)
+        positions = np.float32(self._scale) * positions[np.isfinite(positions).all(1)]
+        return positions, reconstruct_surface(positions, self._radius)
+
+    def draw(self, positions: np.ndarray, surface: WaterSurface) -> DrawnWater:
+        """The second part: the front of the water."""
+        pixels, _ = self._camera.project(surface.vertices)
+        box = PixelBox.around(pixels, _MARGIN, self._camera.size)
+        if len(surface.faces) == 0:
+            width, height = (SUPERSAMPLING * side for side in box.size)
+            empty = np.full((height, width), np.float32(np.inf))
+            return DrawnWater(positions, box, empty, np.zeros((height, width, 3), np.uint8), self._dry)
+        self._rasterizer.set_perspective(self._camera, box, SUPERSAMPLING, *clipping_range(self._camera))
+        colors = (surface.normals * np.float32(127.5) + np.float32(128.0)).astype(np.uint8)
+        self._rasterizer.set_mesh(surface.vertices, surface.faces, colors)
+        depth = self._rasterizer.render_depth()
+        return DrawnWater(positions, box, depth, self._rasterizer.color(), self._dry)
+
+    def shade(self, water: DrawnWater) -> np.ndarray:
+        """The last part: the picture (height, width, 3) uint8."""
+        dry, (width, _) = water.dry, self._camera.size  # all cameras have pictures of one size
+        shadow = dry.receiver.shade(water.positions, self._radius)
+        box = shadow.box.union(water.box)
+        light = shadow.light_in(box, width)
+        radiance = dry.view.radiance[:, *box.slices()] * light
+        depth = dry.view.fine_depth[box.slices(SUPERSAMPLING)].copy()
+        self._add_water(water, box, radiance, light, depth)
+        dry.edges.draw(radiance, depth, box)
+        picture = dry.picture.copy()
+        picture[box.slices()] = to_picture(radiance)
+        return picture
 
     def _add_water(
-        self, surface: "pyvista.PolyData", positions: np.ndarray, background: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray]:
-        # A vertex of only degenerate triangles has no normal; it covers no pixel, so any color will do.
-        vertex_normals = np.nan_to_num(surface.point_data["Normals"])
-        self._rasterizer.set_mesh(surface, (vertex_normals * 127.5 + 128.0).astype(np.uint8))
-        depth = self._rasterizer.render_depth()
-        rows, columns = np.nonzero(depth < self._static.depth)
-        normals = self._rasterizer.color()[rows, columns].astype(np.float32) / 127.5 - 1.0
-        normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-        thickness = water_thickness(positions, self._radius, self._camera, self._static.depth)[rows, columns]
-        picture = background.copy()
-        picture[rows, columns] = shade_water(
-            normals, self._rays[rows, columns], depth[rows, columns], thickness, rows, columns,
-            background, self._static.depth, self._camera,
-        )  # fmt: skip
-        return picture, np.minimum(depth, self._static.depth)
+        self, water: DrawnWater, box: PixelBox, radiance: np.ndarray, light: np.ndarray, fine_depth: np.ndarray
+    ) -> None:
+        """Shade the water into ``radiance`` (3, h, w) of a box; its depth enters ``fine_depth`` (2 h, 2 w)."""
+        view, camera = water.dry.view, water.dry.view.viewpoint.camera
+        # The part of the box where water is.
+        top, left = water.box.top - box.top, water.box.left - box.left
+        inner = PixelBox(top, top + water.box.size[1], left, left + water.box.size[0])
+        behind = fine_depth[inner.slices(SUPERSAMPLING)].copy()
+        wet = water.depth < behind
+        fine_depth[inner.slices(SUPERSAMPLING)] = np.minimum(water.depth, behind)
+        depth = behind[::SUPERSAMPLING, ::SUPERSAMPLING]
+        thickness = water_thickness(water.positions, self._radius, camera, water.box, depth)
+        count = _counts(wet)
+        whole, rim = count == SUPERSAMPLING**2, (count > 0) & (count < SUPERSAMPLING**2)
+        coarse, light = radiance[:, *inner.slices()], light[inner.slices()]
+        fine = view.fine_radiance[:, *water.box.slices(SUPERSAMPLING)]
+        views = view.viewpoint.views[:, *water.box.slices()]
+        background = coarse.copy()
+
+        def samples(rows: np.ndarray, columns: np.ndarray, factor: int) -> Samples:
+            """Those at rows and columns of a grid with ``factor`` samples a pixel along each axis."""
+            step = SUPERSAMPLING // factor
+            at, pixel = (step * rows, step * columns), (rows // factor, columns // factor)
+            normals = water.colors[at].T.astype(np.float32) - np.float32(127.5)
+            if step > 1:  # the mean of a pixel's normals; its depth is that of one of them
+                normals = sum(
+                    (water.colors[at[0] + a, at[1] + b].T.astype(np.float32) - np.float32(127.5))
+                    for a in range(step)
+                    for b in range(step)
+                )
+            normals /= np.sqrt(np.einsum("ij,ij->j", normals, normals))
+            return Samples(normals, views[:, *pixel], water.depth[at], thickness[pixel], rows, columns)
+
+        rows, columns = np.nonzero(whole)
+        pixels = Background(lambda r, c: background[:, r, c], depth, camera.focal_length)
+        coarse[:, rows, columns] = shade_water(samples(rows, columns, 1), pixels, camera.axes)
+
+        rows, columns = np.nonzero(repeated(rim) & wet)
+        grid = Background(
+            lambda r, c: fine[:, r, c] * light[r // SUPERSAMPLING, c // SUPERSAMPLING],
+            behind,
+            SUPERSAMPLING * camera.focal_length,
+        )
+        shaded = shade_water(samples(rows, columns, SUPERSAMPLING), grid, camera.axes)
+        change = (shaded - grid.radiance(rows, columns)) / SUPERSAMPLING**2
+        height, width = thickness.shape
+        pixel = rows // SUPERSAMPLING * width + columns // SUPERSAMPLING
+        for channel, part in zip(coarse, change, strict=True):
+            channel += np.bincount(pixel, part, height * width).reshape(height, width)
 
     def close(self) -> None:
         """Free the off-screen window."""
         self._rasterizer.close()
 
 
-@dataclass(frozen=True)
-class _Edges:
-    """The pixels (P,) on the container's edges, with their depth in meters and their opacity."""
-
-    rows: np.ndarray
-    columns: np.ndarray
-    depth: np.ndarray
-    opacity: np.ndarray
-
-    def draw(self, picture: np.ndarray, depth: np.ndarray) -> None:
-        """Blend the edges into ``picture`` (H, W, 3) where nothing of ``depth`` (H, W) is in front of them."""
-        visible = self.depth < depth[self.rows, self.columns] + 0.01  # the floor's edges are in the floor
-        rows, columns, opacity = self.rows[visible], self.columns[visible], self.opacity[visible, None]
-        picture[rows, columns] += opacity * (_EDGE_COLOR - picture[rows, columns])
+def to_picture(radiance: np.ndarray) -> np.ndarray:
+    """The tone-mapped picture (H, W, 3) uint8 of ``radiance`` (3, H, W)."""
+    return np.ascontiguousarray(np.moveaxis(lighting.tone_map(radiance), 0, -1))
 
 
-def _container_edges(corners: np.ndarray, camera: Camera) -> _Edges:
-    """The pixels on the twelve edges of a container with ``corners`` (8, 3)."""
-    z = float(corners[:, 2].max())
-    pairs = [(i, (i + 1) % 4) for i in range(4)]
-    pairs += [(a + 4, b + 4) for a, b in pairs] + [(i, i + 4) for i in range(4)]
-    width, height = camera.size
-    found = []
-    for a, b in pairs:
-        points = corners[a] + np.linspace(0, 1, 4 * max(width, height))[:, None] * (corners[b] - corners[a])
-        pixels, depth = camera.project(points)
-        opacity = _EDGE_OPACITY * np.clip(1.0 - 0.75 * points[:, 2] / z, 0.2, 1.0)  # fades upwards
-        for offset in ((0, 0), (1, 0), (0, 1), (1, 1)):
-            column, row = np.floor(pixels + offset - 0.5).astype(int).T
-            visible = (column >= 0) & (column < width) & (row >= 0) & (row < height)
-            found.append(np.stack([row, column, depth, opacity], 1)[visible])
-    rows, columns, depth, opacity = np.concatenate(found).T
-    _, first = np.unique(rows.astype(int) * width + columns.astype(int), return_index=True)
-    return _Edges(rows[first].astype(int), columns[first].astype(int), depth[first], opacity[first].astype(np.float32))
+def _counts(wet: np.ndarray) -> np.ndarray:
+    """How many samples (H, W) of each pixel are ``wet`` (2 H, 2 W)."""
+    parts = wet.view(np.uint8)
+    return parts[::2, ::2] + parts[1::2, ::2] + parts[::2, 1::2] + parts[1::2, 1::2]

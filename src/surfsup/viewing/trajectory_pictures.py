@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -14,17 +15,23 @@ from surfsup.io.atomic_file import atomic_file
 from surfsup.io.scene_poses import scene_poses
 from surfsup.io.trajectory import Trajectory
 from surfsup.scene import Scene
+from surfsup.scene.carriers import carrier_poses
 from surfsup.scene.solids import CONTAINER, build_solids
+from surfsup.viewing.camera import DEFAULT_DIRECTION, ViewDirection
 from surfsup.viewing.label import label
 from surfsup.viewing.moving_mesh import MovingMesh, at_frame, bounds_of, container_corners
-from surfsup.viewing.renderer import FrameRenderer
-from surfsup.viewing.static_scene import FULL_LIGHT, MOVING_LIGHT, Light
+from surfsup.viewing.overlap import overlapped
+from surfsup.viewing.renderer import DrawnWater, FrameRenderer
+from surfsup.viewing.shadow_maps import FULL_LIGHT, MOVING_LIGHT, Light
 from surfsup.viewing.video import choose_frames, write_video
+from surfsup.viewing.video_settings import VideoSettings
+from surfsup.viewing.water import WaterSurface
 from surfsup.viewing.web_player import write_web_player
 
 SOLID_RESOLUTION = 160  # cells of marching cubes
 MOVING_RESOLUTION = 96  # the same for solids that move, whose shadows every picture needs anew
-SINGLE_SIZE, PAIR_SIZE = (960, 720), (640, 480)  # pixels of a single picture and of each of two side by side
+DEFAULT_SETTINGS = VideoSettings()
+PAIR_SIZE = (640, 480)  # pixels of each of two pictures side by side
 
 Progress = Callable[[int, int], None]  # numbers of finished and of all frames
 
@@ -35,24 +42,42 @@ def scene_mesh(scene: Scene) -> trimesh.Trimesh | None:
     return None if surface is None else surface.to_mesh(SOLID_RESOLUTION)
 
 
+@dataclass(frozen=True)
+class Moment:
+    """A frame, its particles at ``positions`` (N, 3) in meters, and how far the camera has turned, in degrees."""
+
+    frame: int
+    positions: np.ndarray
+    angle: float = 0.0
+
+
 class TrajectoryRenderer:
     """Renders frames of a trajectory; the camera shows the solids and the water of frame 0.
 
     Args:
         trajectory: an open trajectory.
         size: (width, height) of the pictures in pixels.
+        direction: from where the camera looks.
+        turntable: whether the camera shall go around.
 
     Raises:
         InputError: this machine cannot render off screen.
     """
 
-    def __init__(self, trajectory: Trajectory, size: tuple[int, int] = SINGLE_SIZE) -> None:
+    def __init__(
+        self,
+        trajectory: Trajectory,
+        size: tuple[int, int] = DEFAULT_SETTINGS.size,
+        direction: ViewDirection = DEFAULT_DIRECTION,
+        turntable: bool = False,
+    ) -> None:
         self._trajectory, self._size = trajectory, trajectory.scene.container.size
         self._still, self._moving = trajectory_meshes(trajectory)
         self._poses = scene_poses(trajectory)
         first = None if self._poses else self._still  # what moves is drawn anew for each frame
         bounds = bounds_of(self._still, self._moving)
-        self._renderer = FrameRenderer(first, self._size, trajectory.radius, trajectory.positions[0], size, bounds)
+        focus = points_of_interest(trajectory)
+        self._renderer = FrameRenderer(first, self._size, trajectory.radius, focus, size, bounds, direction, turntable)
         if trajectory.scene.container.open:
             self._renderer.omit_edges()
 
@@ -61,10 +86,27 @@ class TrajectoryRenderer:
 
         The ``light`` is that of a scene in which something moves; what stands still has shadows at their finest.
         """
+        self._place_solids(frame, light)
+        return self._renderer.render(self._trajectory.positions[frame] if positions is None else positions)
+
+    def _place_solids(self, frame: int, light: Light) -> None:
+        """Draw what moves where it is in a frame."""
         if self._poses:
             solid = at_frame(self._still, self._moving, frame)
             self._renderer.set_solid(solid, container_corners(self._size, self._poses, frame), light)
-        return self._renderer.render(self._trajectory.positions[frame] if positions is None else positions)
+
+    def render_many(self, moments: Iterable[Moment]) -> Iterator[np.ndarray]:
+        """The pictures of many moments, in order; on more than one core."""
+
+        def draw(moment: Moment, water: tuple[np.ndarray, WaterSurface]) -> DrawnWater:
+            self._place_solids(moment.frame, MOVING_LIGHT)
+            if moment.angle:
+                self._renderer.turn(moment.angle)
+            return self._renderer.draw(*water)
+
+        return overlapped(
+            moments, lambda moment: self._renderer.reconstruct(moment.positions), draw, self._renderer.shade
+        )
 
     def close(self) -> None:
         """Free the off-screen window."""
@@ -78,6 +120,20 @@ def trajectory_meshes(trajectory: Trajectory) -> tuple[trimesh.Trimesh | None, l
     poses = scene_poses(trajectory)
     moving = [MovingMesh(solid.surface.to_mesh(MOVING_RESOLUTION), poses[solid.name]) for solid in solids.moving]
     return still, moving
+
+
+def points_of_interest(trajectory: Trajectory) -> np.ndarray:
+    """The particles (N, 3) of frame 0 in meters; where there are taps, also their openings."""
+    positions, scene = trajectory.positions[0][trajectory.ids(0)], trajectory.scene
+    if not scene.taps:
+        return positions
+    poses = carrier_poses(scene, build_solids(scene), trajectory.start_time)
+    openings = [
+        np.array([tap.at]) if tap.carrier is None else poses[tap.carrier].apply(np.array([tap.at]))
+        for tap in scene.taps
+    ]
+    # As many points as particles, so that the camera shows the openings too.
+    return np.concatenate([positions, np.repeat(np.concatenate(openings), max(1, len(positions)), axis=0)])
 
 
 def write_trajectory_page(file: Path, page: Path, progress: Progress) -> Path:
@@ -95,17 +151,29 @@ def write_trajectory_page(file: Path, page: Path, progress: Progress) -> Path:
             moving,
             scene_poses(trajectory).get(CONTAINER),
             trajectory.scene.container.open,
+            file.resolve().parent.name if file.name == "trajectory.h5" else file.stem,
+            trajectory.provenance.simulator,
+            points_of_interest(trajectory),
         )
     return page
 
 
-def write_trajectory_video(file: Path, video: Path, progress: Progress) -> Path:
-    """Render the trajectory in ``file`` as a video; returns the path of the video."""
+def write_trajectory_video(
+    file: Path, video: Path, progress: Progress, settings: VideoSettings = DEFAULT_SETTINGS
+) -> Path:
+    """Render the trajectory in ``file`` as a video; returns the path of the video.
+
+    Raises:
+        InputError: the trajectory has fewer frames a second than the video.
+    """
     with Trajectory(file) as trajectory:
-        renderer = TrajectoryRenderer(trajectory)
-        chosen = choose_frames(len(trajectory), trajectory.frame_time)
-        images = (renderer.render(frame) for frame in chosen)
-        write_video(video, images, progress=progress, total=len(chosen))
+        chosen = settings.frames(len(trajectory), trajectory.frame_time)
+        renderer = TrajectoryRenderer(trajectory, settings.size, settings.direction, settings.turntable)
+        images = renderer.render_many(
+            Moment(frame, trajectory.positions[frame], angle)
+            for frame, angle in zip(chosen, settings.angles(len(chosen)), strict=True)
+        )
+        write_video(video, images, settings.rate, progress, len(chosen))
         renderer.close()
     return video
 
@@ -117,18 +185,19 @@ def write_comparison_video(left: Path, right: Path, labels: tuple[str, str], vid
     """
     with Trajectory(left) as left_trajectory, Trajectory(right) as right_trajectory:
         renderer = TrajectoryRenderer(right_trajectory, PAIR_SIZE)
-        pair = tuple(zip((left_trajectory, right_trajectory), labels, strict=True))
-        chosen = choose_frames(min(len(left_trajectory), len(right_trajectory)), right_trajectory.frame_time)
+        pair = (left_trajectory, right_trajectory)
+        chosen = choose_frames(min(map(len, pair)), right_trajectory.frame_time)
+        pictures = renderer.render_many(Moment(frame, each.positions[frame]) for frame in chosen for each in pair)
         images = (
-            np.hstack([label(renderer.render(frame, trajectory.positions[frame]), text) for trajectory, text in pair])
-            for frame in chosen
+            np.hstack([label(picture, text) for picture, text in zip(both, labels, strict=True)])
+            for both in zip(pictures, pictures, strict=True)
         )
         write_video(video, images, progress=progress, total=len(chosen))
         renderer.close()
     return video
 
 
-def write_frame_picture(file: Path, picture: Path, frame: int) -> Path:
+def write_frame_picture(file: Path, picture: Path, frame: int, settings: VideoSettings = DEFAULT_SETTINGS) -> Path:
     """Render one frame of the trajectory in ``file`` as a PNG; returns the path of the picture.
 
     Raises:
@@ -137,7 +206,7 @@ def write_frame_picture(file: Path, picture: Path, frame: int) -> Path:
     with Trajectory(file) as trajectory:
         if frame >= len(trajectory):
             raise InputError(f"{file}: has the frames 0 to {len(trajectory) - 1}, not {frame}")
-        renderer = TrajectoryRenderer(trajectory)
+        renderer = TrajectoryRenderer(trajectory, settings.size, settings.direction)
         image = renderer.render(frame, light=FULL_LIGHT)
         renderer.close()
     with atomic_file(picture) as partial:

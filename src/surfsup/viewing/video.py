@@ -39,7 +39,7 @@ def choose_frames(
 def write_video(
     path: str | Path,
     images: Iterable[np.ndarray],
-    frames_per_second: int = FRAMES_PER_SECOND,
+    frames_per_second: float = FRAMES_PER_SECOND,
     progress: Callable[[int, int], None] = lambda done, total: None,
     total: int = 0,
 ) -> None:
@@ -62,7 +62,7 @@ def write_video(
 
 
 def _encode(
-    path: Path, images: Iterable[np.ndarray], frames_per_second: int, progress: Callable[[int, int], None], total: int
+    path: Path, images: Iterable[np.ndarray], frames_per_second: float, progress: Callable[[int, int], None], total: int
 ) -> None:
     # faststart puts the index first, so that a browser can play before it has the whole file.
     with av.open(str(path), "w", format="mp4", options={"movflags": "faststart"}) as container:
@@ -72,7 +72,7 @@ def _encode(
             image = np.ascontiguousarray(image[: image.shape[0] // 2 * 2, : image.shape[1] // 2 * 2])
             height, width = image.shape[:2]
             if stream is None:
-                stream = container.add_stream("libx264", rate=Fraction(frames_per_second))
+                stream = container.add_stream("libx264", rate=Fraction(frames_per_second).limit_denominator(1001))
                 stream.width, stream.height, stream.pix_fmt = width, height, "yuv420p"
                 stream.options = {"crf": "18", "preset": "medium"}
             elif (width, height) != (stream.width, stream.height):

@@ -1,31 +1,47 @@
-"""Rendering of water: a surface around the particles with refraction, absorption, reflection and a soft shadow.
+"""Rendering of water: a surface around the particles with refraction, absorption and reflection.
 
 Shading is done per pixel on the front surface, as in screen-space fluids (W. J. van der Laan, S. Green, M. Sainz,
 "Screen space fluid rendering with curvature flow", I3D 2009), but on a reconstructed mesh instead of smoothed spheres.
 """
 
-from typing import TYPE_CHECKING
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.ndimage import gaussian_filter, zoom
 
 from surfsup.viewing import lighting
 from surfsup.viewing.camera import Camera
-from surfsup.viewing.rasterizer import triangle_mesh
+from surfsup.viewing.pixel_box import PixelBox
 from surfsup.viewing.reconstruction import Reconstruction
 
-if TYPE_CHECKING:
-    import pyvista
-
-_ABSORPTION = np.array([15.0, 4.8, 2.3], np.float32)  # 1/m; far above real water's, because the scene is small
-_SCATTERING = np.array([0.05, 0.30, 0.50], np.float32)  # color of thick water
+_ABSORPTION = np.array([8.0, 3.2, 1.8], np.float32)  # 1/m; far above real water's, because the scene is small
+_SCATTERING = np.array([0.04, 0.30, 0.54], np.float32)  # color of thick water
+_TURBIDITY = np.float32(7.0)  # 1/m, of scattering; the same for all colors, or thin water over brown would look olive
 _REFRACTION = 0.35  # sideways shift of a refracted ray, relative to the water's thickness
 _REFLECTANCE = 0.02  # of water at normal incidence
-_THICKNESS_CELL = 4  # pixels; thickness is smooth, so a coarse grid is enough
+_THICKNESS_CELL = 2  # pixels; thickness is smooth, so a coarse grid is enough
 
 
-def reconstruct_surface(positions: np.ndarray, particle_radius: float) -> "pyvista.PolyData":
-    """A closed smooth mesh around particles (N, 3), with unit vertex normals as ``Normals``; empty without particles.
+@dataclass(frozen=True)
+class WaterSurface:
+    """A closed smooth mesh around particles.
+
+    Attributes:
+        vertices: (V, 3) float32, meters.
+        faces: (F, 3).
+        normals: (V, 3) float32, unit, outwards.
+    """
+
+    vertices: np.ndarray
+    faces: np.ndarray
+    normals: np.ndarray
+
+
+def reconstruct_surface(positions: np.ndarray, particle_radius: float) -> WaterSurface:
+    """The surface around particles (N, 3); empty without particles.
 
     Args:
         positions: (N, 3), meters.
@@ -35,116 +51,98 @@ def reconstruct_surface(positions: np.ndarray, particle_radius: float) -> "pyvis
         SimulationError: pysplashsurf finds no surface around these particles.
     """
     import pysplashsurf
-    import pyvista
 
     if len(positions) == 0:
-        return pyvista.PolyData()
+        return WaterSurface(np.empty((0, 3), np.float32), np.empty((0, 3), np.int64), np.empty((0, 3), np.float32))
     result = Reconstruction().mesh(positions, particle_radius)
     assert isinstance(result.mesh, pysplashsurf.TriMesh3d)  # quads are not requested
-    surface = triangle_mesh(np.asarray(result.mesh.vertices), result.mesh.triangles)
-    surface.point_data["Normals"] = np.asarray(result.point_attributes["normals"], np.float32)
-    return surface
+    # A vertex of only degenerate triangles has no normal; it covers no pixel, so any normal will do.
+    normals = np.nan_to_num(np.asarray(result.point_attributes["normals"], np.float32))
+    return WaterSurface(np.asarray(result.mesh.vertices), np.asarray(result.mesh.triangles), normals)
 
 
 def water_thickness(
-    positions: np.ndarray, particle_radius: float, camera: Camera, background_depth: np.ndarray
+    positions: np.ndarray, particle_radius: float, camera: Camera, box: PixelBox, background_depth: np.ndarray
 ) -> np.ndarray:
-    """Thickness (H, W) of the water in each pixel of ``camera``, meters, in front of ``background_depth`` (H, W)."""
-    width, height = camera.size
+    """Thickness (h, w) of the water in the pixels of a box, meters, in front of ``background_depth`` (h, w)."""
+    width, height = box.size
+    shape = -(-height // _THICKNESS_CELL), -(-width // _THICKNESS_CELL)
     pixels, depth = camera.project(positions)
-    cells = np.floor(pixels / _THICKNESS_CELL).astype(int)
-    column, row = cells[:, 0], cells[:, 1]
-    visible = (column >= 0) & (column < width // _THICKNESS_CELL) & (row >= 0) & (row < height // _THICKNESS_CELL)
+    column, row = (np.floor((pixels - [box.left, box.top]) / _THICKNESS_CELL).astype(int)).T
+    visible = (column >= 0) & (column < shape[1]) & (row >= 0) & (row < shape[0])
     column, row, depth = column[visible], row[visible], depth[visible]
     front = depth < background_depth[row * _THICKNESS_CELL, column * _THICKNESS_CELL] + 2 * particle_radius
-    cell_area = (depth[front] * _THICKNESS_CELL / camera.focal_length) ** 2
-    thickness = np.zeros((height // _THICKNESS_CELL, width // _THICKNESS_CELL), np.float32)
-    np.add.at(thickness, (row[front], column[front]), (2 * particle_radius) ** 3 / cell_area)
-    if not front.any():
+    column, row, depth = column[front], row[front], depth[front]
+    if len(depth) == 0:
         return np.zeros((height, width), np.float32)
-    blur = 1.3 * particle_radius * camera.focal_length / float(depth[front].mean()) / _THICKNESS_CELL
-    return zoom(gaussian_filter(thickness, blur), _THICKNESS_CELL, order=1, grid_mode=True, mode="nearest")
+    cell_area = (depth * _THICKNESS_CELL / camera.focal_length) ** 2
+    volume = (2 * particle_radius) ** 3 / cell_area
+    thickness = np.bincount(row * shape[1] + column, volume, shape[0] * shape[1]).reshape(shape).astype(np.float32)
+    blur = 1.3 * particle_radius * camera.focal_length / float(depth.mean()) / _THICKNESS_CELL
+    blurred = gaussian_filter(thickness, blur, mode="constant")
+    return zoom(blurred, _THICKNESS_CELL, order=1, grid_mode=True, mode="nearest")[:height, :width]
 
 
-def shade_water(
-    normals: np.ndarray,
-    rays: np.ndarray,
-    depth: np.ndarray,
-    thickness: np.ndarray,
-    rows: np.ndarray,
-    columns: np.ndarray,
-    background: np.ndarray,
-    background_depth: np.ndarray,
-    camera: Camera,
-) -> np.ndarray:
-    """Radiance (M, 3) of M pixels of water.
+@dataclass(frozen=True)
+class Samples:
+    """Points (M,) of a picture where water is in front.
 
-    Args:
-        normals: (M, 3), unit, outwards.
-        rays: (M, 3) of the camera.
+    Attributes:
+        normals: (3, M), unit, outwards.
+        views: (3, M), unit, towards the camera.
         depth: (M,), meters.
         thickness: (M,) of the water, meters.
-        rows, columns: (M,) of the pixels.
-        background: (H, W, 3), the picture without water.
-        background_depth: (H, W), meters.
-        camera: of the picture.
+        rows, columns: (M,) in the grid of the background.
     """
-    view = -rays / np.linalg.norm(rays, axis=1, keepdims=True)
-    cosine = np.einsum("ij,ij->i", normals, view)
-    normals = normals + np.maximum(0.02 - cosine, 0.0)[:, None] * view  # smoothing can turn normals at the rim away
-    cosine = np.clip(cosine, 0.02, 1.0)
+
+    normals: np.ndarray
+    views: np.ndarray
+    depth: np.ndarray
+    thickness: np.ndarray
+    rows: np.ndarray
+    columns: np.ndarray
+
+
+@dataclass(frozen=True)
+class Background:
+    """What is behind the water, on a grid of pixels or of samples.
+
+    Attributes:
+        radiance: the colors (3, M) at rows and columns (M,).
+        depth: (H, W), meters.
+        focal_length: in cells of the grid.
+    """
+
+    radiance: Callable[[np.ndarray, np.ndarray], np.ndarray]
+    depth: np.ndarray
+    focal_length: float
+
+
+def shade_water(samples: Samples, background: Background, axes: np.ndarray) -> np.ndarray:
+    """Radiance (3, M) of water, seen by a camera with ``axes`` (3, 3): right, up and forward."""
+    view, depth, thickness = samples.views, samples.depth, samples.thickness
+    cosine = np.einsum("ij,ij->j", samples.normals, view)
+    # smoothing can turn normals at the rim away
+    normals = samples.normals + np.maximum(np.float32(0.02) - cosine, np.float32(0)) * view
+    cosine = np.clip(cosine, np.float32(0.02), np.float32(1))
 
     # Refraction: take the color of a shifted pixel, unless that pixel is in front of the water.
-    height, width = background_depth.shape
-    right, up, _ = camera.axes.astype(np.float32)
-    shift = _REFRACTION * np.clip(thickness, 0.02, 0.2) * np.float32(camera.focal_length) / depth
-    shifted_column = np.clip(columns - (shift * (normals @ right)).astype(np.int32), 0, width - 1)
-    shifted_row = np.clip(rows + (shift * (normals @ up)).astype(np.int32), 0, height - 1)
-    behind = background_depth[shifted_row, shifted_column] > depth
-    refracted = background[np.where(behind, shifted_row, rows), np.where(behind, shifted_column, columns)]
+    height, width = background.depth.shape
+    right, up, _ = axes.astype(np.float32)
+    shift = np.float32(_REFRACTION * background.focal_length) * np.clip(thickness, 0.02, 0.2) / depth
+    columns = np.clip(samples.columns - (shift * (right @ normals)).astype(np.int32), 0, width - 1)
+    rows = np.clip(samples.rows + (shift * (up @ normals)).astype(np.int32), 0, height - 1)
+    behind = background.depth[rows, columns] > depth
+    refracted = background.radiance(np.where(behind, rows, samples.rows), np.where(behind, columns, samples.columns))
 
     sun = lighting.SUN_DIRECTION.astype(np.float32)
-    transmittance = np.exp(-_ABSORPTION * thickness[:, None])
-    diffuse = 0.62 + 0.38 * (normals @ sun)
-    body = refracted * transmittance + _SCATTERING * diffuse[:, None] * (1.0 - transmittance)
-    fresnel = (_REFLECTANCE + (1 - _REFLECTANCE) * (1.0 - cosine) ** 5)[:, None]  # Schlick's approximation
-    reflected = 2.0 * cosine[:, None] * normals - view
-    highlight = np.clip(reflected @ sun, 0.0, 1.0) ** 160
+    transmittance = np.exp(-_ABSORPTION[:, None] * thickness)
+    diffuse = np.float32(0.62) + np.float32(0.38) * (sun @ normals)
+    scattered = 1 - np.exp(-_TURBIDITY * thickness)
+    body = refracted * transmittance + _SCATTERING[:, None] * (diffuse * scattered)
+    grazing = 1 - cosine
+    fresnel = np.float32(_REFLECTANCE) + np.float32(1 - _REFLECTANCE) * grazing**5  # Schlick's approximation
+    reflected = 2 * cosine * normals - view
+    highlight = np.clip(sun @ reflected, 0, 1) ** np.float32(160)
     environment = lighting.environment_radiance(reflected)
-    return body * (1.0 - fresnel) + environment * fresnel + 0.55 * highlight[:, None] * lighting.SUN_COLOR
-
-
-def light_space_axes() -> np.ndarray:
-    """Rows (3, 3): two directions perpendicular to the sunbeams, and the direction towards the sun."""
-    right = np.cross(lighting.SUN_DIRECTION, [0.0, 0.0, 1.0])
-    right /= np.linalg.norm(right)
-    return np.stack([right, np.cross(right, lighting.SUN_DIRECTION), lighting.SUN_DIRECTION]).astype(np.float32)
-
-
-def water_shadow(positions: np.ndarray, particle_radius: float, points: np.ndarray) -> np.ndarray:
-    """The share (M,) of light, in (0.6, 1], that ``points`` receive below the water.
-
-    Args:
-        positions: of the particles (N, 3), meters.
-        particle_radius: half the particle spacing, meters.
-        points: (M, 3), meters, in the coordinates of :func:`light_space_axes`.
-    """
-    if len(positions) == 0:
-        return np.ones(len(points), np.float32)
-    local, cell = positions @ light_space_axes().T, particle_radius
-    low = local[:, :2].min(0) - 6 * particle_radius
-    shape = tuple(np.ceil((local[:, :2].max(0) + 6 * particle_radius - low) / cell).astype(int) + 1)
-    index = tuple(((local[:, :2] - low) / cell).astype(int).T)
-    thickness, height_sum = np.zeros(shape, np.float32), np.zeros(shape, np.float32)
-    np.add.at(thickness, index, (2 * particle_radius) ** 3 / cell**2)
-    np.add.at(height_sum, index, (2 * particle_radius) ** 3 / cell**2 * local[:, 2])
-    thickness, height_sum = gaussian_filter(thickness, 2.0), gaussian_filter(height_sum, 2.0)
-
-    column = ((points[:, 0] - low[0]) / cell).astype(np.int32)
-    row = ((points[:, 1] - low[1]) / cell).astype(np.int32)
-    inside = (column >= 0) & (column < shape[0]) & (row >= 0) & (row < shape[1])
-    column, row = np.where(inside, column, 0), np.where(inside, row, 0)
-    local_thickness = thickness[column, row]
-    mean_height = height_sum[column, row] / np.maximum(local_thickness, 1e-9)
-    above = np.clip((mean_height - points[:, 2]) / (3 * particle_radius), 0.0, 1.0)  # 0 for points above the water
-    return 1.0 - 0.4 * inside * (1.0 - np.exp(-14.0 * local_thickness)) * above
+    return body + fresnel * (environment - body) + np.float32(0.55) * highlight * lighting.SUN_COLOR[:, None]

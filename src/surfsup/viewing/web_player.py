@@ -5,7 +5,7 @@ instead of water, and has 2 MB of code before the first particle.
 """
 
 import base64
-import json
+import html
 from collections.abc import Callable, Sequence
 from importlib.resources import files
 from pathlib import Path
@@ -15,7 +15,7 @@ import trimesh
 from isal import igzip
 
 from surfsup.viewing.camera import FIELD_OF_VIEW, fit_camera, picture_scale
-from surfsup.viewing.html_page import write_html
+from surfsup.viewing.html_page import script_json, write_html
 from surfsup.viewing.moving_mesh import MovingMesh, bounds_of, scaled_poses
 
 _MAX_BYTES = 10_000_000  # of positions before compression, which halves them
@@ -35,6 +35,9 @@ def write_web_player(
     moving: Sequence[MovingMesh] = (),
     container_poses: np.ndarray | None = None,
     is_open: bool = False,
+    title: str = "surfsup",
+    simulator: str = "",
+    focus: np.ndarray | None = None,
 ) -> None:
     """Write the page that plays ``positions`` at ``path``.
 
@@ -43,7 +46,7 @@ def write_web_player(
 
     Args:
         path: of the page; missing folders are made.
-        positions: (frames, particles, 3), meters.
+        positions: (frames, particles, 3), meters. A particle that is not finite is not shown.
         solid: the mesh of the solid, or None.
         container_size: (x, y, z), meters; x and y are centered on 0, the floor is at z = 0.
         particle_radius: half the particle spacing, meters.
@@ -52,6 +55,9 @@ def write_web_player(
         moving: the solids that move.
         container_poses: (frames, 7) of a container that moves.
         is_open: whether the container has no walls; then its edges are not drawn.
+        title: of the page.
+        simulator: the name of what made the trajectory, shown beside the title with the number of particles.
+        focus: points (N, 3) that the camera shows, meters; by default the particles of the first frame.
 
     Raises:
         ValueError: ``positions`` has another shape, or no frames or particles.
@@ -60,8 +66,13 @@ def write_web_player(
     if positions.ndim != 3 or positions.shape[2] != 3 or 0 in positions.shape:
         raise ValueError(f"positions must be (frames, particles, 3), none of them 0; they are {positions.shape}")
     scale = picture_scale(container_size, particle_radius)
+    count = positions.shape[1]
+    focus = positions[0] if focus is None else focus
     positions, stride = _subsample(positions)
+    shown = "" if positions.shape[1] == count else f", {positions.shape[1]:,} of them shown"
+    caption = " · ".join([title, *([simulator] if simulator else []), f"{count:,} particles{shown}"])
     if scale != 1:
+        focus = scale * focus
         positions = scale * positions
         solid = solid.copy().apply_scale(scale) if solid is not None else None
         moving = [body.scaled(scale) for body in moving]
@@ -72,7 +83,7 @@ def write_web_player(
     bodies = [_simplify(body.mesh) for body in moving]
     poses = [body.poses for body in moving] + ([] if container_poses is None else [container_poses])
     bounds = bounds_of(mesh if len(mesh.faces) else None, moving)
-    camera = fit_camera(container_size, bounds, positions[0], _VIEW_SIZE)
+    camera = fit_camera(container_size, bounds, focus[np.isfinite(focus).all(1)], _VIEW_SIZE)
     header = {
         "frames": len(positions), "particles": positions.shape[1], "frameTime": frame_time * stride,
         "radius": scale * particle_radius, "scale": scale, "container": list(map(float, container_size)),
@@ -94,7 +105,9 @@ def write_web_player(
     path.parent.mkdir(parents=True, exist_ok=True)
     values = {
         "SCRIPT": (pages / "player.js").read_text(encoding="utf-8"),
-        "HEADER": json.dumps(header),
+        "HEADER": script_json(header),
+        "TITLE": html.escape(title),
+        "CAPTION": html.escape(caption),
         "DATA": base64.b64encode(igzip.compress(body, 3, mtime=0)).decode(),
     }
     write_html(path, pages / "player.html", values)
@@ -117,14 +130,20 @@ def _subsample(positions: np.ndarray) -> tuple[np.ndarray, int]:
 
 
 def _quantize(positions: np.ndarray, progress: Callable[[int, int], None]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """16-bit differences from frame to frame (F, N, 3), modulo 2**16, and corner and extent (3,) of their grid."""
-    finite = np.where(np.isfinite(positions), positions, 0.0)
+    """16-bit differences from frame to frame (F, N, 3), modulo 2**16, and corner and extent (3,) of their grid.
+
+    A particle that is not finite has the value 65535 on all axes, which the page does not draw.
+    """
+    shown = np.isfinite(positions).all(2)
+    finite = np.where(shown[..., None], positions, positions[shown][:1] if shown.any() else 0.0)
     low = finite.min((0, 1)).astype(np.float64)
     extent = np.maximum(finite.max((0, 1)) - low, 1e-6)
+    extent *= 65535 / 65534  # so that no particle that is shown has the value of those that are not
     differences = np.empty(positions.shape, "<u2")
     previous = np.zeros(positions.shape[1:], np.uint16)
     for frame, points in enumerate(finite):
         current = np.rint((points - low) / extent * 65535).astype(np.uint16)
+        current[~shown[frame]] = 65535
         differences[frame] = current - previous  # wraps around, and so does the sum in the page
         previous = current
         progress(frame + 1, len(positions))

@@ -20,7 +20,9 @@ enum class Kind : int32_t {
     offset,
     set_union,
     intersection,
-    difference
+    difference,
+    complement,
+    edged_intersection
 };
 
 // A node in a list where every part precedes the node it belongs to.

@@ -69,6 +69,7 @@ void main() {
   speed = length(b - a) / frameTime;
   disc = corner;
   gl_Position = projection * vec4(center + vec3(corner * radius, 0.0), 1.0);
+  if (min(min(previous.x, previous.y), previous.z) == 1.0 || min(min(next.x, next.y), next.z) == 1.0) gl_Position = vec4(0.0, 0.0, 2.0, 1.0);  // not in the scene
 }`;
 const SPHERE = `
 in vec2 disc; in vec3 center; in float speed; uniform float radius; uniform mat4 projection;
@@ -158,14 +159,28 @@ const SOURCES = {
       if (meters(texture(sceneDepth, shifted).r) < d) shifted = uv;
       vec3 refracted = linear(texture(scene, shifted).rgb);
       mat3 toWorld = transpose(mat3(view)); vec3 m = toWorld * n, w = toWorld * v;
-      vec3 transmittance = exp(-vec3(15.0, 4.8, 2.3) * thickness);
-      vec3 body = refracted * transmittance + vec3(0.05, 0.30, 0.50) * (0.62 + 0.38 * dot(m, SUN)) * (1.0 - transmittance);
+      vec3 transmittance = exp(-vec3(8.0, 3.2, 1.8) * thickness);  // as in the video, see water.py
+      vec3 body = refracted * transmittance + vec3(0.04, 0.30, 0.54) * (0.62 + 0.38 * dot(m, SUN)) * (1.0 - exp(-7.0 * thickness));
       float fresnel = 0.02 + 0.98 * pow(1.0 - cosine, 5.0);
       vec3 reflected = 2.0 * cosine * m - w;
       vec3 c = mix(body, environmentRadiance(reflected), fresnel * 0.85) + 0.55 * pow(clamp(dot(reflected, SUN), 0.0, 1.0), 160.0);
       color = vec4(toneMap(c), 1.0);
     }`],
-  copy: [SCREEN, `in vec2 uv; uniform sampler2D scene; out vec4 color; void main() { color = texture(scene, uv); }`],
+  // Antialiasing of the finished picture: blur along edges of brightness (T. Lottes, "FXAA", NVIDIA 2009).
+  smooth: [SCREEN, `in vec2 uv; uniform sampler2D scene; out vec4 color;
+    float luma(vec3 c) { return dot(c, vec3(0.299, 0.587, 0.114)); }
+    void main() {
+      vec2 px = 1.0 / vec2(textureSize(scene, 0)); vec3 middle = texture(scene, uv).rgb;
+      float nw = luma(texture(scene, uv + vec2(-px.x, px.y)).rgb), ne = luma(texture(scene, uv + px).rgb);
+      float sw = luma(texture(scene, uv - px).rgb), se = luma(texture(scene, uv + vec2(px.x, -px.y)).rgb), m = luma(middle);
+      float low = min(m, min(min(nw, ne), min(sw, se))), high = max(m, max(max(nw, ne), max(sw, se)));
+      if (high - low < max(0.03, high * 0.08)) { color = vec4(middle, 1.0); return; }
+      vec2 along = vec2((sw + se) - (nw + ne), (nw + sw) - (ne + se));
+      along = clamp(along / (min(abs(along.x), abs(along.y)) + max((nw + ne + sw + se) * 0.03125, 0.0078)), -8.0, 8.0) * px;
+      vec3 near = 0.5 * (texture(scene, uv - along / 6.0).rgb + texture(scene, uv + along / 6.0).rgb);
+      vec3 wide = 0.5 * near + 0.25 * (texture(scene, uv - along * 0.5).rgb + texture(scene, uv + along * 0.5).rgb);
+      float w = luma(wide); color = vec4(w < low || w > high ? near : wide, 1.0);
+    }`],
 };
 
 function build(gl) {
@@ -260,7 +275,7 @@ function main(data) {
     if (targets && canvas.width === w && canvas.height === h) return;
     if (targets) for (const t of Object.values(targets)) { gl.deleteFramebuffer(t.frame); gl.deleteTexture(t.color); if (t.depth) gl.deleteTexture(t.depth); }
     canvas.width = w; canvas.height = h;
-    targets = { scene: target(w, h, gl.RGBA8, gl.RGBA, gl.UNSIGNED_BYTE, gl.LINEAR, true) };
+    targets = { scene: target(w, h, gl.RGBA8, gl.RGBA, gl.UNSIGNED_BYTE, gl.LINEAR, true), picture: target(w, h, gl.RGBA8, gl.RGBA, gl.UNSIGNED_BYTE, gl.LINEAR, false) };
     if (hasWater) {
       targets.front = target(w, h, gl.R32F, gl.RED, gl.FLOAT, gl.NEAREST, true);
       targets.sums = target(w, h, gl.RGBA16F, gl.RGBA, gl.HALF_FLOAT, gl.NEAREST, false);
@@ -339,7 +354,8 @@ function main(data) {
     if (!header.open) { use("lines", { ...values, model: header.containerMoves ? poseAt(header.moving.length, frame, blend) : STILL }); gl.bindVertexArray(lines); gl.drawArrays(gl.LINES, 0, 24); }
     gl.disable(gl.BLEND); gl.depthMask(true);
 
-    if (!asWater) { gl.disable(gl.DEPTH_TEST); bindTarget(null, w, h); use("copy", {}, { scene: targets.scene.color }); drawScreen(); return; }
+    const finish = (picture) => { gl.disable(gl.DEPTH_TEST); bindTarget(null, w, h); use("smooth", {}, { scene: picture.color }); drawScreen(); };
+    if (!asWater) { finish(targets.scene); return; }
     const softSphere = { ...values, radius: header.radius * 2.6 };
     bindTarget(targets.front); gl.clearBufferfv(gl.COLOR, 0, [1e4, 0, 0, 0]); gl.clear(gl.DEPTH_BUFFER_BIT);
     use("front", softSphere); drawParticles();
@@ -353,10 +369,11 @@ function main(data) {
     use("thickness", { ...values, radius: header.radius * 1.9 }); drawParticles();
     gl.disable(gl.BLEND);
     const lensY = Math.tan(fov / 2);
-    bindTarget(null, w, h);
+    bindTarget(targets.picture);
     use("compose", { view, lift: LIFT, lens: [lensY * aspect, lensY], range: [near, far] },
       { scene: targets.scene.color, sceneDepth: targets.scene.depth, waterDepth: targets.waterDepth.color, waterThickness: targets.thickness.color });
     drawScreen();
+    finish(targets.picture);
   }
 
   // ---- time, keys and pointers

@@ -1,0 +1,58 @@
+"""`surfsup convert`: scenes of SPlisHSPlasH."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from surfsup.errors import InputError
+
+NAMED = 5  # missing things that the message lists
+
+
+def convert(
+    scene: Annotated[Path, typer.Argument(metavar="SCENE", help="A scene of SPlisHSPlasH (.json) or of ours (.yaml).")],
+    out: Annotated[Path, typer.Option("-o", "--out", help="The new file: .yaml, or .json for SPlisHSPlasH.")],
+    partial: Annotated[bool, typer.Option("--partial", help="Leave out what the other program does not have.")] = False,
+) -> None:
+    """Convert a scene from or to SPlisHSPlasH.
+
+    Example: surfsup convert DamBreakModelDragons.json -o dragons.yaml
+    """
+    from surfsup.scene import Scene
+    from surfsup.splishsplash.scene_export import export_scene
+    from surfsup.splishsplash.scene_import import import_scene
+
+    kinds = scene.suffix.lower(), out.suffix.lower()
+    yaml = (".yaml", ".yml")
+    if kinds[0] == ".json" and kinds[1] in yaml:
+        converted = import_scene(scene, out)
+        missing, other = converted.missing, "surfsup"
+        check_complete(scene, missing, other, partial)
+        try:
+            out.write_text(converted.text, encoding="utf-8")
+        except OSError as error:
+            raise InputError(f"{out}: cannot be written ({error.strerror})") from None
+    elif kinds[0] in yaml and kinds[1] == ".json":
+        ours = Scene.load(scene)
+        other = "a scene file of SPlisHSPlasH"
+        missing = export_scene(ours, out)
+        check_complete(scene, missing, other, partial)
+    else:
+        raise InputError(f"{scene} and {out}: one must be .json, of SPlisHSPlasH, the other .yaml, of surfsup")
+    for phrase in missing:
+        typer.echo(f"left out: {phrase}")
+    typer.echo(f"scene  {out}")
+
+
+def check_complete(scene: Path, missing: list[str], other: str, partial: bool) -> None:
+    """Refuse an incomplete conversion.
+
+    Raises:
+        InputError: something is missing, and that was not allowed.
+    """
+    if missing and not partial:
+        listed = "; ".join(missing[:NAMED]) + ("; ..." if len(missing) > NAMED else "")
+        raise InputError(f"{scene}: has what {other} does not: {listed}. --partial converts the rest")

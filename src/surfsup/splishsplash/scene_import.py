@@ -1,0 +1,311 @@
+"""A scene file of SPlisHSPlasH (JSON) as a scene of ours.
+
+Its walls are a rigid body that is inverted, ours a container whose floor is at z = 0 and whose middle is at x = y = 0;
+its upward axis is usually y, ours z. So everything is turned and moved.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import trimesh
+import yaml
+
+from surfsup.errors import InputError
+from surfsup.scene import Scene
+from surfsup.scene.particle_file import read_particles
+from surfsup.sdf import load_mesh
+
+Y_TO_Z = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])  # as `up: y` of a mesh
+DEFAULTS = {"particleRadius": 0.025, "gravitation": [0.0, -9.81, 0.0]}  # of SPlisHSPlasH
+TOLERANCE = 1e-6
+
+Json = Mapping[str, Any]
+
+
+@dataclass
+class ImportedScene:
+    """A converted scene.
+
+    Attributes:
+        text: the scene as YAML; paths are relative to the new file.
+        missing: what the scene has and ours does not, a phrase each.
+    """
+
+    text: str
+    missing: list[str]
+
+
+@dataclass(frozen=True)
+class Placement:
+    """Where a point of the file is in our scene: p' = turn p + shift.
+
+    Attributes:
+        turn: (3, 3), from the file's upward axis to z.
+        shift: (3,), meters.
+    """
+
+    turn: np.ndarray
+    shift: np.ndarray
+
+    def point(self, point: Sequence[float] | np.ndarray) -> np.ndarray:
+        """A point, or points (N, 3), in our scene."""
+        return np.asarray(point, float) @ self.turn.T + self.shift
+
+    def vector(self, vector: Sequence[float] | np.ndarray) -> list[float]:
+        """A velocity or an axis in our scene."""
+        return rounded(self.turn @ np.asarray(vector, float))
+
+
+@dataclass
+class Converter:
+    """Converts the parts of one scene.
+
+    Attributes:
+        source: the file, for messages and relative paths.
+        out: the new file, beside which converted meshes and particles are written.
+        missing: phrases about what was omitted.
+    """
+
+    source: Path
+    out: Path
+    missing: list[str] = field(default_factory=list)
+
+    def convert(self, content: Json) -> ImportedScene:
+        """Convert the whole scene.
+
+        Raises:
+            InputError: a value or a file is unusable.
+        """
+        settings = {**DEFAULTS, **content.get("Configuration", {})}
+        self.note_missing(content, settings)
+        gravity = vector_of(settings["gravitation"], "Configuration.gravitation")
+        turn = np.eye(3) if abs(gravity[2]) > abs(gravity[1]) else Y_TO_Z
+        bodies = content.get("RigidBodies", [])
+        walls = [body for body in bodies if body.get("isWall") and body.get("mapInvert", body.get("invertSDF", True))]
+        lower, upper = self.box_of(walls[0], turn) if walls else (None, None)
+        shift = np.zeros(3) if lower is None else np.array([*-(lower + upper)[:2] / 2, -lower[2]])
+        if len(walls) > 1:
+            self.missing.append(f"{len(walls) - 1} further boxes of walls")
+        placement = Placement(turn, shift)
+        scene: dict[str, Any] = {"particle_radius": float(settings["particleRadius"])}
+        scene["container"] = "none" if lower is None else {"size": rounded(upper - lower)}
+        scene["gravity"] = placement.vector(gravity)
+        solids = [body for body in bodies if body not in walls]
+        if solids:
+            scene["surfaces"] = self.surfaces(solids, placement)
+        scene["fluid"] = self.fluid(content, placement)
+        if float(settings.get("stopAt", 0) or 0) > 0:
+            scene["duration"] = float(settings["stopAt"])
+        text = yaml.safe_dump(scene, sort_keys=False, default_flow_style=None)
+        Scene.from_yaml(text, str(self.source), self.out.parent)
+        return ImportedScene(f"# Converted from {self.source.name} of SPlisHSPlasH.\n{text}", self.missing)
+
+    def note_missing(self, content: Json, settings: Json) -> None:
+        """Note what the scene has and ours does not. Settings of the solver and of pictures do not count."""
+        counted = {
+            "Emitters": "emitters",
+            "AnimationFields": "animation fields",
+            "TargetVelocityMotorHingeJoints": "joints",
+        }
+        for key, name in counted.items():
+            if number := len(content.get(key, [])):
+                self.missing.append(f"{number} {name}")
+        if settings.get("sim2D"):
+            self.missing.append("two dimensions")
+        if settings.get("scriptFile"):
+            self.missing.append(f"the script {settings['scriptFile']}")
+        materials = content.get("Materials", [])
+        for method, name in (
+            ("surfaceTensionMethod", "surface tension"),
+            ("elasticityMethod", "elasticity"),
+            ("vorticityMethod", "vorticity"),
+            ("dragMethod", "drag of air"),
+        ):
+            if any(material.get(method) for material in materials):
+                self.missing.append(name)
+        if len({material.get("density0", 1000) for material in materials}) > 1:
+            self.missing.append("liquids of different densities")
+        viscosities = {viscosity_of(material) for material in materials} - {None}
+        if any(not math.isclose(viscosity, 0.01) for viscosity in viscosities if viscosity is not None):
+            listed = ", ".join(f"{viscosity:g}" for viscosity in sorted(filter(None, viscosities)))
+            self.missing.append(f"a viscosity of {listed} m²/s")
+
+    def box_of(self, body: Json, turn: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Lower and upper corner of the walls, with our axes.
+
+        Raises:
+            InputError: they are not a box along the axes.
+        """
+        mesh = self.mesh_of(body)
+        vertices = np.asarray(mesh.vertices) * scale_of(body)
+        vertices = vertices @ rotation_of(body).T + vector_of(body.get("translation", [0, 0, 0]), "translation")
+        vertices = vertices @ turn.T
+        lower, upper = vertices.min(axis=0), vertices.max(axis=0)
+        on_corners = (np.isclose(vertices, lower, atol=1e-4) | np.isclose(vertices, upper, atol=1e-4)).all()
+        volume = abs(mesh.volume) * np.prod(scale_of(body))
+        if not (on_corners and math.isclose(volume, np.prod(upper - lower), rel_tol=1e-3)):
+            raise InputError(
+                f"{self.source}: its walls, {body['geometryFile']}, are no box along the axes; surfsup has boxes only"
+            )
+        return lower, upper
+
+    def mesh_of(self, body: Json) -> trimesh.Trimesh:
+        """The triangles of a rigid body in its own frame."""
+        if not isinstance(body.get("geometryFile"), str):
+            raise InputError(f"{self.source}: a rigid body has no geometryFile")
+        return load_mesh(self.source.parent / body["geometryFile"])
+
+    def surfaces(self, bodies: Sequence[Json], placement: Placement) -> dict[str, Any]:
+        """The rigid bodies that are no walls, by name."""
+        surfaces: dict[str, Any] = {}
+        for number, body in enumerate(bodies, start=1):
+            if body.get("isDynamic"):
+                self.missing.append(f"rigid body {number} moves freely; here it stands still")
+            elif body.get("isAnimated"):
+                self.missing.append(f"rigid body {number} is moved by a script; here it stands still")
+            mesh = self.mesh_of(body)
+            name = f"{Path(body['geometryFile']).stem}-{number}"
+            scale = scale_of(body)
+            entry: dict[str, Any]
+            if is_box(mesh):
+                size = np.abs(placement.turn @ (scale * mesh.extents))
+                middle = rotation_of(body) @ (scale * mesh.bounds.mean(axis=0))
+                entry = {"box": {"size": rounded(size)}}
+            else:
+                middle = np.zeros(3)
+                entry = {"mesh": self.mesh_entry(name, body, mesh, scale, placement)}
+                if np.ptp(scale) < TOLERANCE and not math.isclose(scale[0], 1):
+                    entry["scale"] = float(scale[0])
+            angle = float(body.get("rotationAngle", 0))
+            if angle:
+                entry["rotate"] = {"axis": placement.vector(body["rotationAxis"]), "degrees": math.degrees(angle)}
+            translation = vector_of(body.get("translation", [0, 0, 0]), "translation")
+            entry["at"] = rounded(placement.point(middle + translation))
+            surfaces[name] = entry
+        return surfaces
+
+    def mesh_entry(
+        self, name: str, body: Json, mesh: trimesh.Trimesh, scale: np.ndarray, placement: Placement
+    ) -> dict[str, Any]:
+        """The mesh of a body: its own file, or a copy scaled along the axes beside the new scene."""
+        turned = {"up": "y"} if placement.turn is Y_TO_Z else {}
+        if np.ptp(scale) < TOLERANCE:
+            return {"file": self.relative(self.source.parent / body["geometryFile"]), **turned}
+        scaled = mesh.copy()
+        scaled.apply_scale(scale)
+        file = self.beside(f"{name}.ply")
+        scaled.export(file)
+        return {"file": self.relative(file), **turned}
+
+    def fluid(self, content: Json, placement: Placement) -> list[Any]:
+        """Blocks and files of particles."""
+        entries: list[Any] = []
+        for block in content.get("FluidBlocks", []):
+            scale, shift = (vector_of(block.get(key, default), key) for key, default in
+                            (("scale", [1, 1, 1]), ("translation", [0, 0, 0])))  # fmt: skip
+            corners = [placement.point(scale * vector_of(block[end], end) + shift) for end in ("start", "end")]
+            entry = {"min": rounded(np.minimum(*corners)), "max": rounded(np.maximum(*corners))}
+            velocity = placement.vector(block.get("initialVelocity", [0, 0, 0]))
+            entries.append({"block": {**entry, "velocity": velocity} if any(velocity) else entry})
+        for number, model in enumerate(content.get("FluidModels", []), start=1):
+            if "particleFile" not in model:
+                self.missing.append(f"fluid model {number}, which has no particleFile")
+                continue
+            particles = read_particles(self.source.parent / model["particleFile"])
+            own = particles.positions * scale_of(model)
+            moved = own @ rotation_of(model).T + vector_of(model.get("translation", [0, 0, 0]), "translation")
+            file = self.beside(f"fluid-{number}.npy")
+            np.save(file, placement.point(moved).astype(np.float32))
+            velocity = placement.vector(model.get("initialVelocity", [0, 0, 0]))
+            entries.append(
+                {"particles": {"file": self.relative(file), **({"velocity": velocity} if any(velocity) else {})}}
+            )
+        if not entries:
+            raise InputError(f"{self.source}: has no fluid that surfsup can start with: no FluidBlocks, no FluidModels")
+        return entries
+
+    def beside(self, name: str) -> Path:
+        """The path of a converted file, in a folder beside the new scene."""
+        folder = self.out.with_name(f"{self.out.stem}-files")
+        folder.mkdir(parents=True, exist_ok=True)
+        return folder / name
+
+    def relative(self, file: Path) -> str:
+        """A path relative to the new scene where it lies beside it, else absolute."""
+        absolute, home = file.resolve(), self.out.parent.resolve()
+        return str(absolute.relative_to(home)) if absolute.is_relative_to(home) else str(absolute)
+
+
+def import_scene(source: Path, out: Path) -> ImportedScene:
+    """Convert the scene file ``source`` of SPlisHSPlasH to the text of the file ``out``.
+
+    Meshes that are scaled along their axes, and particles, are written into a folder beside ``out``.
+
+    Raises:
+        InputError: the file is no such scene, or a value or a file of it is unusable.
+    """
+    try:
+        content = json.loads(source.read_text(encoding="utf-8-sig"))
+    except OSError as error:
+        raise InputError(f"{source}: cannot be read ({error.strerror})") from None
+    except ValueError as error:
+        raise InputError(f"{source}: is not JSON ({error})") from None
+    if not isinstance(content, dict) or not {"Configuration", "FluidBlocks", "FluidModels"} & set(content):
+        raise InputError(f"{source}: is no scene of SPlisHSPlasH: it has no Configuration and no fluid")
+    try:
+        return Converter(source, out).convert(content)
+    except (KeyError, TypeError, AttributeError, ValueError) as error:
+        if isinstance(error, InputError):
+            raise
+        raise InputError(f"{source}: is no scene of SPlisHSPlasH ({' '.join(str(error).split())})") from None
+
+
+def viscosity_of(material: Json) -> float | None:
+    """The kinematic viscosity in m²/s of a material by any of SPlisHSPlasH's methods; None if it has none."""
+    groups = [value for value in material.values() if isinstance(value, dict) and "viscosity" in value]
+    return float(groups[0]["viscosity"]) if groups and material.get("viscosityMethod", 1) else None
+
+
+def is_box(mesh: trimesh.Trimesh) -> bool:
+    """Whether all vertices are corners of the box around them, and they enclose it."""
+    lower, upper = mesh.bounds
+    corners = (np.isclose(mesh.vertices, lower) | np.isclose(mesh.vertices, upper)).all()
+    return bool(corners) and math.isclose(abs(mesh.volume), float(np.prod(upper - lower)), rel_tol=1e-6)
+
+
+def scale_of(entry: Json) -> np.ndarray:
+    """The scale (3,) of a body or of a fluid model."""
+    return vector_of(entry.get("scale", [1, 1, 1]), "scale")
+
+
+def rotation_of(entry: Json) -> np.ndarray:
+    """The rotation (3, 3) of a body or of a fluid model: an axis, and an angle in radians."""
+    angle = float(entry.get("rotationAngle", 0))
+    if not angle:
+        return np.eye(3)
+    axis = vector_of(entry["rotationAxis"], "rotationAxis")
+    return np.asarray(trimesh.transformations.rotation_matrix(angle, axis))[:3, :3]
+
+
+def vector_of(value: object, key: str) -> np.ndarray:
+    """Three finite numbers.
+
+    Raises:
+        ValueError: there are other values.
+    """
+    vector = np.asarray(value, float)
+    if vector.shape != (3,) or not np.isfinite(vector).all():
+        raise ValueError(f"{key} must be three numbers, not {value}")
+    return vector
+
+
+def rounded(values: np.ndarray) -> list[float]:
+    """Values for a file, without the noise of rotations."""
+    return [float(value) for value in np.round(values, 9) + 0.0]

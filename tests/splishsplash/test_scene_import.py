@@ -1,0 +1,139 @@
+"""Scenes written after the public ones of SPlisHSPlasH: walls as an inverted box, upward axis y, radians."""
+
+import json
+import math
+
+import numpy as np
+import pytest
+import trimesh
+
+from surfsup import InputError, Scene
+from surfsup.splishsplash.scene_import import import_scene
+
+WALLS = {
+    "geometryFile": "box.obj", "translation": [0, 2, 0], "scale": [6, 4, 3], "rotationAxis": [1, 0, 0],
+    "rotationAngle": 0, "isDynamic": False, "isWall": True, "mapInvert": True, "mapResolution": [30, 30, 20],
+}  # fmt: skip
+BLOCK = {"denseMode": 0, "start": [-1, 0, -0.5], "end": [0, 1, 0.5], "translation": [0.1, 0.2, 0.3], "scale": [1, 1, 1]}
+SCENE = {
+    "Configuration": {"particleRadius": 0.025, "gravitation": [0, -9.81, 0], "simulationMethod": 4, "stopAt": 2},
+    "Materials": [{"id": "Fluid", "density0": 1000, "viscosityMethod": 1, "Standard viscosity": {"viscosity": 0.01}}],
+    "RigidBodies": [WALLS],
+    "FluidBlocks": [BLOCK],
+}
+
+
+@pytest.fixture
+def converted(tmp_path):
+    """Convert a scene that differs from the usual one; returns our scene and what is missing."""
+    trimesh.creation.box((1, 1, 1)).export(tmp_path / "box.obj")
+    wedge = trimesh.Trimesh([[0, 0, 0], [1, 0, 0], [0, 2, 0], [0, 0, 3]], [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
+    wedge.export(tmp_path / "wedge.obj")
+
+    def convert(**changes):
+        file, out = tmp_path / "scene.json", tmp_path / "scene.yaml"
+        file.write_text(json.dumps({**SCENE, **changes}))
+        result = import_scene(file, out)
+        return Scene.from_yaml(result.text, "converted", tmp_path), result.missing
+
+    return convert
+
+
+def test_walls_become_the_container_and_y_becomes_z(converted):
+    scene, missing = converted()
+    assert missing == []
+    assert scene.container.size == (6, 3, 4)
+    assert scene.gravity == (0, 0, -9.81)
+    assert (scene.particle_radius, scene.duration) == (0.025, 2)
+    block = scene.fluid[0].block
+    np.testing.assert_allclose(block.min, [-0.9, -0.8, 0.2])  # (x, y, z) is (x, -z, y)
+    np.testing.assert_allclose(block.max, [0.1, 0.2, 1.2])
+
+
+def test_walls_beside_the_origin_move_everything(converted):
+    scene, _ = converted(RigidBodies=[{**WALLS, "translation": [1, 5, 2]}])
+    np.testing.assert_allclose(scene.fluid[0].block.min, [-1.9, 1.2, 0.2 - 3], atol=1e-9)
+
+
+def test_a_scene_whose_gravity_is_along_z_is_not_turned(converted):
+    walls = {**WALLS, "translation": [0, 0, 2], "scale": [6, 3, 4]}
+    scene, _ = converted(RigidBodies=[walls], Configuration={**SCENE["Configuration"], "gravitation": [0, 0, -9.81]})
+    assert scene.container.size == (6, 3, 4)
+    np.testing.assert_allclose(scene.fluid[0].block.min, [-0.9, 0.2, -0.2])
+
+
+def test_without_walls_the_container_is_open(converted):
+    scene, _ = converted(RigidBodies=[])
+    assert scene.container.open
+
+
+def test_boxes_and_meshes_stand_where_they_stood(converted):
+    turned = {"rotationAxis": [0, 1, 0], "rotationAngle": math.pi / 2}
+    box = {"geometryFile": "box.obj", "translation": [1, 0.5, 0.25], "scale": [0.2, 1, 0.6], "isWall": False, **turned}
+    mesh = {"geometryFile": "wedge.obj", "translation": [-2, 0, 0], "scale": [0.5, 0.5, 0.5], "isWall": False, **turned}
+    stretched = {**mesh, "scale": [0.5, 0.25, 1]}
+    scene, missing = converted(RigidBodies=[WALLS, box, mesh, stretched])
+    assert missing == []
+    assert list(scene.surfaces) == ["box-1", "wedge-2", "wedge-3"]
+    of_box = scene.surfaces["box-1"].surface(scene.base_folder).bounds().numpy()
+    # A quarter turn about the upward axis exchanges the sides 0.2 and 0.6.
+    np.testing.assert_allclose(of_box, [[0.7, -0.35, 0], [1.3, -0.15, 1]], atol=1e-6)
+    for name, scale in (("wedge-2", [0.5, 0.5, 0.5]), ("wedge-3", [0.5, 0.25, 1])):
+        # Turned about y by 90 degrees x is -z and z is x; then y is up.
+        vertices = np.array([[0, 0, 0], [1, 0, 0], [0, 2, 0], [0, 0, 3]]) * scale
+        there = np.stack([vertices[:, 2] - 2, vertices[:, 1], -vertices[:, 0]], axis=1)
+        ours = np.stack([there[:, 0], -there[:, 2], there[:, 1]], axis=1)
+        found = scene.surfaces[name].surface(scene.base_folder).bounds().numpy()
+        np.testing.assert_allclose(found, [ours.min(axis=0), ours.max(axis=0)], atol=1e-6, err_msg=name)
+
+
+def test_particles_are_placed(converted, tmp_path):
+    np.save(tmp_path / "water.npy", np.array([[0.1, 0.2, 0.3], [0.2, 0.2, 0.3]], np.float32))
+    model = {
+        "particleFile": "water.npy", "translation": [1, 2, 0], "scale": [2, 2, 2], "initialVelocity": [0, -1, 3],
+    }  # fmt: skip
+    scene, _ = converted(FluidBlocks=[], FluidModels=[model])
+    particles = scene.fluid[0].particles.read(scene.base_folder)
+    np.testing.assert_allclose(particles.positions, [[1.2, -0.6, 2.4], [1.4, -0.6, 2.4]], atol=1e-6)
+    np.testing.assert_allclose(particles.velocities, [[0, -3, -1]] * 2)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"Emitters": [{}, {}]}, "2 emitters"),
+        ({"AnimationFields": [{}]}, "1 animation fields"),
+        ({"Configuration": {**SCENE["Configuration"], "sim2D": True}}, "two dimensions"),
+        ({"Configuration": {**SCENE["Configuration"], "scriptFile": "a.py"}}, "the script a.py"),
+        ({"Materials": [{"surfaceTensionMethod": 2}]}, "surface tension"),
+        ({"Materials": [{"density0": 1000}, {"density0": 500}]}, "liquids of different densities"),
+        ({"RigidBodies": [WALLS, {**WALLS, "isWall": False, "isDynamic": True}]}, "rigid body 1 moves freely"),
+    ],
+)
+def test_what_we_do_not_have_is_listed(converted, changes, message):
+    _, missing = converted(**changes)
+    assert any(message in phrase for phrase in missing), missing
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        ("{", "is not JSON"),
+        ("[]", "is no scene of SPlisHSPlasH"),
+        ("{}", "is no scene of SPlisHSPlasH"),
+        (json.dumps({**SCENE, "FluidBlocks": []}), "has no fluid"),
+        (json.dumps({**SCENE, "FluidBlocks": [{}]}), "is no scene of SPlisHSPlasH"),
+        (json.dumps({**SCENE, "RigidBodies": [{**WALLS, "geometryFile": "missing.obj"}]}), "missing.obj"),
+        (json.dumps({**SCENE, "RigidBodies": [{**WALLS, "geometryFile": "wedge.obj"}]}), "are no box along the axes"),
+        (json.dumps({**SCENE, "RigidBodies": [{**WALLS, "scale": [1, 2]}]}), "scale must be three numbers"),
+        (json.dumps({**SCENE, "RigidBodies": 3}), "is no scene of SPlisHSPlasH"),
+        (json.dumps({**SCENE, "Configuration": {"particleRadius": 5}}), "must be from 0.001 to 0.1 m"),
+    ],
+)
+def test_another_file_is_refused_in_one_line(converted, tmp_path, content, message):
+    converted()  # so that the meshes are there
+    file = tmp_path / "bad.json"
+    file.write_text(content)
+    with pytest.raises(InputError, match=message) as error:
+        import_scene(file, tmp_path / "out.yaml")
+    assert "\n" not in str(error.value)
