@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from surfsup import __version__
-from surfsup.errors import InputError
+from surfsup.errors import InputError, SimulationError
 from surfsup.io import trajectory as module
 from surfsup.io.trajectory import (
     FRAMES_PER_FLUSH,
@@ -390,3 +390,20 @@ def test_forces_of_another_shape_are_an_error_of_one_line(tmp_path):
         file["00000/forces/ball"] = np.zeros((2, 4))
     with pytest.raises(InputError, match="is not \\(frames, 3\\)"):
         Trajectory(path)
+
+
+def test_a_run_that_fails_leaves_the_older_trajectory_and_keeps_its_own_frames_beside_it(tmp_path):
+    path = tmp_path / "water.h5"
+    write(path, 3)
+    with pytest.raises(SimulationError), writer(path) as out:
+        for frame in range(10):
+            out.append(*np.full((2, *out._buffer.shape[2:]), frame, np.float32))
+        raise SimulationError("failed")
+    with Trajectory(path) as older, Trajectory(tmp_path / "water.new.h5") as newer:
+        assert (len(older), len(newer)) == (3, 10)
+    assert out.path == tmp_path / "water.new.h5"
+    with writer(path) as out:
+        out.append(*np.zeros((2, *out._buffer.shape[2:]), np.float32))
+    with Trajectory(path) as replaced:
+        assert len(replaced) == 1
+    assert [file.name for file in tmp_path.iterdir()] == ["water.h5"]

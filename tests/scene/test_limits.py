@@ -7,6 +7,7 @@ import trimesh
 
 from surfsup.errors import InputError
 from surfsup.scene import Scene
+from surfsup.scene.solids import build_solids
 
 FLUID = "fluid: [{{block: {{min: [-0.1, -0.1, 1.0], max: [0.1, 0.1, 1.2], velocity: [{velocity}, 0, 0]}}}}]\n"
 
@@ -46,3 +47,34 @@ def test_a_mesh_in_coordinates_of_the_earth_loses_nothing_when_it_is_moved_into_
         text = f"surface: {{mesh: {{file: utm.obj}}, {placed}}}\n" + FLUID.format(velocity=0)
         surface = Scene.from_yaml(text, "scene.yaml", tmp_path).build_surface()
         torch.testing.assert_close(surface.distance(points), expected - scale * radius, atol=4e-3, rtol=0)
+
+
+def test_combined_meshes_in_coordinates_of_the_earth_come_back_one_by_one(tmp_path):
+    middle = np.array([345678.25, 5345612.5, 512.75])
+    ball = trimesh.creation.icosphere(3, 0.3)
+    ball.apply_translation(middle)
+    (tmp_path / "utm.obj").write_text(ball.export(file_type="obj", digits=9))
+    part = "{mesh: {file: utm.obj}, at: %s}"
+    parts = f"[{part % '[0, 0, 0]'}, {{union: [{part % '[0.4, 0, 0]'}]}}]"
+    turned = (np.array([0, 0, 0.5]) - 1.5 * middle @ [[0, 1, 0], [-1, 0, 0], [0, 0, 1]]).tolist()
+    points = torch.tensor([[0.0, 0.0, 1.3], [0.6, 0.8, 0.5], [0.1, 0.9, 0.5]])
+    for rest, second in (
+        (f"at: {(np.array([0, 0, 0.5]) - middle).tolist()}", [0.4, 0, 0.5]),
+        (f"rotate: {{axis: [0, 0, 2], degrees: 90}}, scale: 1.5, at: {turned}", [0.0, 0.6, 0.5]),
+    ):
+        text = f"surface: {{union: {parts}, {rest}}}\n" + FLUID.format(velocity=0)
+        surface = Scene.from_yaml(text, "scene.yaml", tmp_path).build_surface()
+        radius = 0.3 if "scale" not in rest else 0.45
+        centers = torch.tensor([[0.0, 0.0, 0.5], second])
+        expected = torch.cdist(points, centers).amin(dim=1) - radius
+        torch.testing.assert_close(surface.distance(points), expected, atol=6e-3, rtol=0)
+
+
+def test_a_mesh_far_from_its_own_origin_may_not_move(tmp_path):
+    ball = trimesh.creation.icosphere(1, 0.3)
+    ball.apply_translation([345678.25, 0, 0])
+    (tmp_path / "utm.obj").write_text(ball.export(file_type="obj", digits=9))
+    text = "surfaces: {ball: {mesh: {file: utm.obj}, motion: {spin: {axis: [0, 0, 1], turns: 1}}}}\n"
+    scene = Scene.from_yaml(text + FLUID.format(velocity=0), "scene.yaml", tmp_path)
+    with pytest.raises(InputError, match="give a mesh 'fit'"):
+        build_solids(scene)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from surfsup.cli.locks import hold_lock
 from surfsup.cli.options import Resume, Seed
 from surfsup.cli.progress import ProgressDisplay, progress_bar
 from surfsup.cli.status import RESUMABLE, after_interrupt
@@ -65,6 +66,7 @@ def design(
     if not no_verification:
         solver.check_installed()
     tasks = tasks_from_options(task, out, start, frames, deepsdf, shape)
+    hold_lock(out)
     runs: list[DesignRun] = []
     with Stop() as stop:
         for folder, design_task in tasks:

@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from surfsup.cli.locks import hold_lock
 from surfsup.cli.options import Device, Near, NoCollisions, NoVideos
 from surfsup.cli.progress import progress_bar
 from surfsup.cli.status import after_interrupt
@@ -56,7 +57,7 @@ def evaluate(
     for warning in domain_warnings(card.training_domain if card else None, references).values():
         warnings.warn(warning, stacklevel=1)
     folder = out or Path("out") / f"report-{name}{'-no-collisions' if no_collisions else ''}"
-    report.make_folder(folder)
+    hold_lock(folder)
     with progress_bar(f"evaluating {name}") as bar:
         results = evaluate_simulator(simulator, name, references, folder, device, not no_collisions, near, bar)
     settings = report.EvaluationSettings(name, card, not no_collisions, near, scenes, frames)

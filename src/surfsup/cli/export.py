@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
+from surfsup.cli.locks import hold_lock
 from surfsup.cli.progress import progress_bar
 from surfsup.cli.status import BAD_INPUT
 from surfsup.cli.view import TrajectoryFile
@@ -54,6 +55,7 @@ def export(
 
     folder = out or trajectory.parent / "export"
     parameters = Reconstruction(**asdict(reconstruction))
+    hold_lock(folder)
     with progress_bar(f"exporting {to}") as bar:
         done = write_export(trajectory, to, folder, fps, what, up, parameters, overwrite, bar)
     print_export(done)

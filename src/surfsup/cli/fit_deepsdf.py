@@ -7,6 +7,7 @@ from typing import Annotated
 import typer
 
 from surfsup.cli.fit_options import FitOptions, run_and_write
+from surfsup.cli.locks import hold_lock
 from surfsup.cli.options import stop_after
 from surfsup.cli.progress import progress_bar
 
@@ -41,6 +42,7 @@ def deepsdf(
     config = options.configure(DeepSdfConfig)
     stop = stop_after(options.time_limit)
     folder = fit_folder(options.out, options.resume)
+    hold_lock(folder)
     if options.resume:
         samples = load_samples(folder)
     else:

@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 from surfsup.cli.fit_options import FitOptions, run_and_write
+from surfsup.cli.locks import hold_lock
 from surfsup.cli.options import stop_after
 
 
@@ -33,6 +34,7 @@ def siren(
     config = options.configure(SirenConfig)
     stop = stop_after(options.time_limit)
     folder = fit_folder(options.out, options.resume)
+    hold_lock(folder)
     typer.echo("sampling the shape; the fit begins after that, and so does --time", err=True)
     target, shape = load_target(source, options.up, config.samples, config.seed)
     fit = SirenFit(config, target, folder)

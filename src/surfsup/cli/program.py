@@ -5,13 +5,18 @@ Verbs import the libraries they need when they run, so that ``--help`` stays fas
 
 from __future__ import annotations
 
+import errno
+import os
 import sys
 import warnings
+from contextlib import suppress
 from typing import Annotated, NoReturn
 
 import typer
 
 from surfsup import __version__
+from surfsup.activity import report_activities
+from surfsup.cli.activity_lines import activity_lines
 from surfsup.cli.compare import compare
 from surfsup.cli.convert import convert
 from surfsup.cli.design import design
@@ -22,6 +27,8 @@ from surfsup.cli.export import export
 from surfsup.cli.fit import fit
 from surfsup.cli.forces import forces
 from surfsup.cli.generate import floor, generate
+from surfsup.cli.live import live
+from surfsup.cli.locks import held_locks
 from surfsup.cli.option_groups import expand_option_groups
 from surfsup.cli.options import split_vectors
 from surfsup.cli.reference import reference
@@ -40,7 +47,7 @@ app = typer.Typer(
     rich_markup_mode=None,
 )
 
-WATER = (simulate, examples, sweep, reference, compare, view, render, forces, export, convert)
+WATER = (simulate, examples, sweep, reference, compare, live, view, render, forces, export, convert)
 LEARNING = (generate, floor, train, evaluate, design)
 for verb in (*WATER, *LEARNING, doctor):
     app.command()(expand_option_groups(verb))
@@ -60,13 +67,16 @@ def surfsup(
 
 
 def main() -> None:
-    """Run the command line and exit: 0 done, 2 bad input, 1 a failure of surfsup, 130 interrupted."""
+    """Run the command line and exit: 0 done, 2 bad input or a full disk, 1 a failure of surfsup, 130 interrupted."""
     if sys.argv[1:] == ["--version"]:  # typer would import pydantic to convert the option
         typer.echo(__version__)
         sys.exit(0)
     warnings.showwarning = one_line_warnings()
+    report_activities(activity_lines)
     try:
-        status = app(args=split_vectors(sys.argv[1:]), standalone_mode=False)
+        with held_locks:
+            status = app(args=split_vectors(sys.argv[1:]), standalone_mode=False)
+        sys.stdout.flush()
     except (InputError, typer.TyperException) as error:
         message = error.format_message() if isinstance(error, typer.TyperException) else str(error)
         sys.stderr.write(f"surfsup: {message}\n")
@@ -78,9 +88,30 @@ def main() -> None:
         exit_interrupted(str(interrupt))
     except (KeyboardInterrupt, typer.Abort):
         exit_interrupted("nothing was finished yet")
+    except BrokenPipeError:  # the reader of standard output has ended
+        drop_output()
+        sys.exit(FAULT)
+    except OSError as error:
+        drop_output()
+        with suppress(OSError):
+            sys.stderr.write(f"surfsup: {environment_error(error)}\n")
+        sys.exit(BAD_INPUT)
     if status == INTERRUPTED:  # typer's own answer to an interrupt
         exit_interrupted("nothing was finished yet")
     sys.exit(status if isinstance(status, int) else 0)
+
+
+def environment_error(error: OSError) -> str:
+    """The message about an error of the system that no other code explains, such as a full disk, in one line."""
+    full = error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+    reason = "the disk is full, or a limit is reached" if full else error.strerror or str(error)
+    return " ".join((reason if error.filename is None else f"{error.filename}: {reason}").split())
+
+
+def drop_output() -> None:
+    """Send the rest of standard output nowhere, so that Python does not fail once more when it ends."""
+    with suppress(OSError):
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def exit_interrupted(kept: str) -> NoReturn:

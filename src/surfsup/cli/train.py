@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from surfsup.cli.locks import hold_lock
 from surfsup.cli.options import Device, Overrides, Resume, Scheduler, Threads, TimeLimit, Workers, stop_after
 from surfsup.cli.progress import progress_bar
 from surfsup.cli.status import RESUMABLE
@@ -79,6 +80,8 @@ def train(
     if start is not None:
         is_run = Path(start).is_dir()
         run.start_from(load_average(Path(start)) if is_run else weights_file.load(weights_file.find(start))[0])
+    if run.is_main_process:
+        hold_lock(out)
     if resume:
         run.resume()
     elif run.files.exist():

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import fcntl
 import os
 import shutil
 import uuid
@@ -11,8 +10,8 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from surfsup.errors import InputError
+from surfsup.io.folder_lock import LOCK, take_lock
 
-LOCK = ".lock"
 PARTIAL = ".partial"
 SURFACES = "surfaces"  # subfolder with the files of surfaces
 
@@ -33,14 +32,9 @@ def lock_folder(folder: Path) -> Iterator[str]:
     new = not folder.exists()
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        lock = (folder / LOCK).open("a+")
     except OSError as error:
         raise InputError(f"{folder}: cannot be used as the folder of a data set ({error.strerror})") from None
-    with lock:
-        try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError:
-            raise InputError(f"{folder}: another run is writing into it; wait for it or stop it") from None
+    with take_lock(folder) as lock:
         token = uuid.uuid4().hex
         lock.truncate(0)
         lock.write(token)

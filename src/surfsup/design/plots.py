@@ -10,6 +10,7 @@ import numpy as np
 
 from surfsup.design.run import DesignRun
 from surfsup.errors import InputError
+from surfsup.io.atomic_file import atomic_file
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -55,7 +56,8 @@ def plot_runs(runs: Sequence[DesignRun], path: Path) -> Path:
     if len(runs) > 1:
         above.legend(frameon=False)
     above.set_title(f"{runs[0].task.name}: {len(runs)} starts" if len(runs) > 1 else runs[0].task.name)
-    figure.savefig(path)
+    with atomic_file(path) as partial:
+        figure.savefig(partial, format="png")
     return path
 
 
@@ -81,7 +83,8 @@ def plot_baselines(best_so_far: Mapping[str, Sequence[float]], title: str, path:
     axes.set_title(title)
     axes.legend(frameon=False)
     set_style(axes)
-    figure.savefig(path)
+    with atomic_file(path) as partial:
+        figure.savefig(partial, format="png")
     return path
 
 

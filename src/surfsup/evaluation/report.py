@@ -19,6 +19,7 @@ from surfsup.evaluation.floor import FLOOR_HINT
 from surfsup.evaluation.load_trajectories import DataSet, SkippedFile
 from surfsup.evaluation.scores import METRICS, WINDOWS, WindowScores, floor_ratios
 from surfsup.evaluation.summary import summaries
+from surfsup.io.atomic_file import atomic_file
 from surfsup.learned.weights_file import Card
 from surfsup.scene import FRAME_TIME
 
@@ -203,6 +204,7 @@ def write_json(path: Path, report: Json) -> None:
         InputError: the file cannot be written.
     """
     try:
-        path.write_text(json.dumps(report, allow_nan=False, separators=(",", ":")) + "\n")
+        with atomic_file(path) as partial:
+            partial.write_text(json.dumps(report, allow_nan=False, separators=(",", ":")) + "\n")
     except OSError as error:
         raise InputError(f"{path}: cannot be written ({error.strerror})") from None

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import json
 import shutil
+import sys
 import time
 from collections.abc import Callable, Iterable, Mapping
+from contextlib import nullcontext, suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -14,6 +16,7 @@ import torch
 
 from surfsup import __version__
 from surfsup.errors import InputError, Interrupted
+from surfsup.io.atomic_file import atomic_file
 from surfsup.io.trajectory import Provenance, TrajectoryWriter
 from surfsup.scene import Container, Scene
 from surfsup.scene.pose import Pose
@@ -33,8 +36,10 @@ class Summary:
     Attributes:
         particles, frames: numbers of particles and frames.
         entered, left: numbers of particles that came through taps and left through drains.
-        seconds: wall-clock time of simulating and writing.
-        ms_per_frame: time of the simulator per frame, without its setup.
+        seconds: wall-clock time in all, the sum of the next three with ``frames - 2`` times ``ms_per_frame``.
+        start_up: seconds until the second frame: files, distances, boundary volume maps, first touches of memory.
+        ms_per_frame: time of the simulator for each frame after the second.
+        writing: seconds of counting penetrations and writing frames.
         penetrations: number of particles inside the solid, summed over frames.
         out_of_container: number of particles outside the container, summed over frames.
         model: name of the simulator.
@@ -45,7 +50,9 @@ class Summary:
     particles: int
     frames: int
     seconds: float
+    start_up: float
     ms_per_frame: float
+    writing: float
     penetrations: int
     out_of_container: int
     model: str
@@ -104,10 +111,12 @@ class OutputFolder:
         provenance: Provenance,
         device: str,
         on_progress: Callable[[int, int], None],
+        began: float | None = None,
     ) -> Summary:
         """Write the frames while the simulator computes them, then the summary.
 
-        After an interrupt the trajectory holds the finished frames and the summary describes them.
+        After an interrupt the trajectory holds the finished frames and the summary describes them. If there was an
+        older trajectory, it stays as it is, and the new frames are beside it.
 
         Args:
             scene: the simulated scene.
@@ -116,12 +125,13 @@ class OutputFolder:
             provenance: simulator, seed and version.
             device: device of the simulation, for the summary.
             on_progress: called after each frame with the numbers of finished frames and of all frames.
+            began: when the start-up began, by ``time.perf_counter``; now by default.
 
         Raises:
             InputError: the trajectory cannot be written.
             Interrupted: the user interrupted the simulation after its first frame.
         """
-        began, simulating = time.perf_counter(), 0.0
+        began, simulating, writing = time.perf_counter() if began is None else began, 0.0, 0.0
         counts: list[tuple[int, int]] = []  # per frame: particles in the solid, particles out of the container
         source = iter(frames)
         penetrations_of = PenetrationCounter(scene.container, solids)
@@ -131,25 +141,30 @@ class OutputFolder:
                 while True:
                     before = time.perf_counter()
                     frame = next(source, None)
+                    there = time.perf_counter()
                     # The step to frame 1 includes the setup: boundary volume maps, first touches of memory.
-                    simulating += time.perf_counter() - before if writer.frames > 1 else 0.0
+                    simulating += there - before if writer.frames > 1 else 0.0
                     if frame is None:
                         break
                     counts.append(penetrations_of.count(frame[0], frame[2]))
                     writer.append(*frame)
                     on_progress(writer.frames, scene.frames)
+                    writing += time.perf_counter() - there
         except KeyboardInterrupt:
             if not writer.frames:
                 raise
-            kept = f"{writer.frames} of {scene.frames} frames are kept in {self.trajectory}"
+            kept = f"{writer.frames} of {scene.frames} frames are kept in {writer.path}"
             raise Interrupted(kept) from None
         finally:
+            failing = sys.exc_info()[0] is not None
             done = writer.frames  # an interrupt may occur between counting a frame and writing it
             penetrations, out_of_container = (sum(column) for column in zip((0, 0), *counts[:done], strict=True))
             summary = Summary(
                 particles=writer.particles,
                 frames=done,
-                seconds=round(time.perf_counter() - began, 2),
+                seconds=round(seconds := time.perf_counter() - began, 2),
+                start_up=round(seconds - simulating - writing, 2),
+                writing=round(writing, 2),
                 ms_per_frame=round(1000 * simulating / max(1, done - 2), 3),
                 penetrations=penetrations,
                 out_of_container=out_of_container,
@@ -158,8 +173,10 @@ class OutputFolder:
                 entered=writer.entered,
                 left=writer.left,
             )
-            if done:
-                self.summary.write_text(json.dumps(asdict(summary), indent=2) + "\n")
+            if done and writer.path == self.trajectory:
+                # An error before, such as a full disk, says more than the same one here.
+                with suppress(OSError) if failing else nullcontext(), atomic_file(self.summary) as partial:
+                    partial.write_text(json.dumps(asdict(summary), indent=2) + "\n")
         return summary
 
 

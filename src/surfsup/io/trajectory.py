@@ -21,6 +21,7 @@ from isal import isal_zlib
 
 from surfsup import __version__
 from surfsup.errors import InputError
+from surfsup.io.reserved_space import ReservedSpace
 from surfsup.scene import Scene
 from surfsup.scene.pose import Pose
 from surfsup.scene.wrench import Wrench
@@ -186,7 +187,8 @@ class Trajectory(TrajectoryFrames):
 class TrajectoryWriter:
     """Writes frames to disk during a simulation, in constant memory.
 
-    Use as a context manager. The file is readable afterwards, also after an error or an interrupt.
+    Use as a context manager. The file is readable afterwards, also after an error or an interrupt; then its frames are
+    beside a file that they were to replace, at :attr:`path`.
     """
 
     def __init__(
@@ -216,13 +218,22 @@ class TrajectoryWriter:
             raise InputError(f"{path}: is the trajectory that the scene continues; write to another file")
         start_time = scene.start_time if start_time is None else start_time
         text = scene.with_paths_relative_to(path.parent, root).to_yaml()
-        self._path = path
+        self._target = path
+        # An existing file is replaced at the end, so that a run that fails before loses nothing.
+        self._path = path.with_name(f"{path.stem}.new{path.suffix}") if path.is_file() else path
         self._check_disk_space(SPARE_BYTES)
         try:
-            self._file = h5py.File(path, "w")
+            self._file = h5py.File(self._path, "w")
         except OSError as error:
             reason = os.strerror(error.errno) if error.errno else single_line(error)
             raise InputError(f"{path}: cannot be written ({reason})") from None
+        self._space = ReservedSpace(self._path)
+        try:
+            self._space.reserve(len(text) + 8 * particles + SPARE_BYTES)
+        except InputError:
+            self._file.close()
+            self._path.unlink()
+            raise
         self._file.attrs.update(
             {
                 "scene": text,
@@ -340,8 +351,9 @@ class TrajectoryWriter:
         if not self._buffered:
             return
         frames = self._buffer[:, : self._buffered]
-        # Check first: HDF5 cannot recover when the disk becomes full (closing the file crashes).
-        self._check_disk_space(frames.nbytes + SPARE_BYTES)
+        needed, kept = frames.nbytes + SPARE_BYTES, f"; {self._written} frames are kept"
+        self._check_disk_space(needed, kept)
+        self._space.reserve(self._file.id.get_filesize() + needed, kept)
         try:
             for data, values in zip(self._sets, frames, strict=True):
                 data.resize(self.frames, axis=0)
@@ -396,25 +408,51 @@ class TrajectoryWriter:
         data.resize(self._written + len(rows), axis=0)
         data[self._written :] = rows
 
-    def _check_disk_space(self, needed: int) -> None:
+    def _check_disk_space(self, needed: int, kept: str = "") -> None:
         try:
             free = shutil.disk_usage(self._path.parent).free
         except OSError as error:
             raise InputError(f"{self._path}: cannot be written ({error.strerror})") from None
         if free < needed:
-            raise InputError(f"{self._path}: cannot be written: the disk is full ({free / 1e6:.3g} MB are free)")
+            raise InputError(f"{self._path}: cannot be written: the disk is full ({free / 1e6:.3g} MB are free){kept}")
 
     def __enter__(self) -> TrajectoryWriter:
         return self
 
     def __exit__(self, kind: type | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        complete = error is None
         try:
             self.flush()
         except InputError:
+            complete, self._buffered = False, 0
             if error is None:
                 raise
         finally:
+            self._close()
+            if not (self.frames or complete):
+                self._path.unlink()
+        if complete and self._path != self._target:
+            self._path.replace(self._target)
+            self._path = self._target
+
+    def _close(self) -> None:
+        """Close the file and give back the space that it does not use.
+
+        Raises:
+            InputError: the disk is full.
+        """
+        try:
+            self._file.flush()
+            size = self._file.id.get_filesize()
             self._file.close()
+            self._space.release(size)
+        except (OSError, RuntimeError) as error:
+            raise InputError(f"{self._path}: cannot be written ({single_line(error)})") from None
+
+    @property
+    def path(self) -> Path:
+        """Where the frames are: beside the file that they replace until they are complete."""
+        return self._path
 
 
 def filled_poses(frames: Sequence[Mapping[str, Pose]], name: str, last: np.ndarray | None) -> np.ndarray:

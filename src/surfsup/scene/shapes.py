@@ -17,6 +17,7 @@ from surfsup.sdf.neural.shipped_surfaces import path_from
 
 if TYPE_CHECKING:
     import trimesh
+    from scipy.spatial.transform import Rotation as ScipyRotation
 
 
 FAR = 100.0  # meters from the origin beyond which a mesh is centered: single precision errs by 0.01 mm there
@@ -264,7 +265,12 @@ class Shape(StrictModel):
         if self.mesh is not None:
             return self.placed_mesh(folder)
         content = getattr(self, self.kind)
-        surface = COMBINATIONS[self.kind](content, folder) if self.kind in COMBINATIONS else content.surface(folder)
+        if self.kind in COMBINATIONS:
+            if max(map(abs, self.at)) > FAR:
+                return COMBINATIONS[self.kind]([part.placed_by(self) for part in content], folder)
+            surface = COMBINATIONS[self.kind](content, folder)
+        else:
+            surface = content.surface(folder)
         if self.scale == 1.0 and self.rotate is None and not any(self.at):
             return surface
         return sdf.Transformed(surface, self.rotation(), self.at, self.scale)
@@ -279,16 +285,33 @@ class Shape(StrictModel):
         middle = np.asarray(mesh.bounds).mean(axis=0)
         if np.abs(middle).max() > FAR:
             mesh.vertices = np.asarray(mesh.vertices) - middle
-            rotation = np.eye(3)
-            if self.rotate:
-                axis, degrees = (torch.tensor(v, dtype=torch.float64) for v in (self.rotate.axis, self.rotate.degrees))
-                rotation = sdf.axis_rotation(axis, degrees).numpy()
-            x, y, z = (np.asarray(at) + self.scale * rotation @ middle).tolist()
+            x, y, z = (np.asarray(at) + self.scale * self.scipy_rotation().apply(middle)).tolist()
             at = (x, y, z)
         surface = sdf.MeshSurface(mesh)
         if self.scale == 1.0 and self.rotate is None and not any(at):
             return surface
         return sdf.Transformed(surface, self.rotation(), at, self.scale)
+
+    def placed_by(self, whole: Shape) -> Shape:
+        """This part of ``whole``, placed as ``whole`` places it, in double precision.
+
+        Parts in coordinates of the Earth then come into the container one by one, without a sum of large numbers.
+        """
+        turn, own = whole.scipy_rotation(), self.scipy_rotation()
+        x, y, z = (np.asarray(whole.at) + whole.scale * turn.apply(self.at)).tolist()
+        vector = (turn * own).as_rotvec()
+        angle = float(np.linalg.norm(vector))
+        rotate = None if angle == 0 else Rotation(axis=tuple((vector / angle).tolist()), degrees=np.rad2deg(angle))
+        return self.model_copy(update={"at": (x, y, z), "rotate": rotate, "scale": whole.scale * self.scale})
+
+    def scipy_rotation(self) -> ScipyRotation:
+        """The rotation in double precision."""
+        from scipy.spatial.transform import Rotation as ScipyRotation
+
+        if self.rotate is None:
+            return ScipyRotation.identity()
+        axis = np.asarray(self.rotate.axis)
+        return ScipyRotation.from_rotvec(np.deg2rad(self.rotate.degrees) * axis / np.linalg.norm(axis))
 
     def rotation(self) -> torch.Tensor:
         """The rotation matrix (3, 3)."""

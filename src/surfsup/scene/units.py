@@ -22,11 +22,13 @@ from surfsup.scene.pose import Pose
 from surfsup.scene.solids import Solids
 from surfsup.scene.strict_model import Vector
 from surfsup.sdf import Surface, Transformed
+from surfsup.sdf.placement import moved
 
 if TYPE_CHECKING:
     from surfsup.scene.scene import Scene
 
 FRAME_TIME = 0.005  # seconds between the simulators' frames, in their own units
+FAR = 100.0  # meters from the origin of the scene, within which its coordinates are used as they are
 
 
 @dataclass(frozen=True)
@@ -35,6 +37,7 @@ class Units:
 
     Attributes:
         radius: particle radius of the scene in meters.
+        origin: point of the scene that is the origin of the simulators, meters.
 
     Examples:
         >>> units = Units(0.06)  # particles four times as large
@@ -45,6 +48,20 @@ class Units:
     """
 
     radius: float
+    origin: Vector = (0.0, 0.0, 0.0)
+
+    def around(self, scene: Scene, start: InitialParticles) -> Units:
+        """The same with an origin amid particles that are far from that of a scene without walls.
+
+        Single precision would lose their motion: at 1 km its numbers are 0.06 mm apart, as far as a particle of 6 cm/s
+        moves in a substep.
+        """
+        positions = start.positions
+        with_walls = not scene.container.open or scene.is_open  # taps are where the scene says
+        if with_walls or len(positions) == 0 or np.abs(positions).max() <= FAR:
+            return self
+        x, y, z = np.round(positions.astype(np.float64).mean(axis=0)).tolist()
+        return replace(self, origin=(x, y, z))
 
     @property
     def length(self) -> float:
@@ -79,7 +96,7 @@ class Units:
     @property
     def same(self) -> bool:
         """Whether nothing changes."""
-        return self.length == 1.0
+        return self.length == 1.0 and not any(self.origin)
 
     def scene_to_solver(self, scene: Scene) -> Scene:
         """``scene`` at the size at which its particles have the solver's radius, without its fluid and solids.
@@ -105,7 +122,13 @@ class Units:
 
     def surface_to_solver(self, surface: Surface | None) -> Surface | None:
         """A solid in the units of the scene as one in those of the solver."""
-        return surface if surface is None or self.same else Transformed(surface, scale=1 / self.length)
+        return surface if surface is None or self.same else self.placed_to_solver(surface)
+
+    def placed_to_solver(self, surface: Surface) -> Surface:
+        """:meth:`surface_to_solver` where units differ."""
+        if any(self.origin):
+            surface = moved(surface, -np.asarray(self.origin))
+        return Transformed(surface, scale=1 / self.length)
 
     def solids_to_solver(self, solids: Solids, start_time: float = 0.0) -> Solids:
         """The solids of a scene in the units of the solver, whose time 0 is ``start_time`` seconds of the scene."""
@@ -120,13 +143,16 @@ class Units:
             for solid in solids.moving
         )
         container = None if solids.container is None else self.motion_to_solver(solids.container, start_time)
-        parts = solids.parts
-        if not self.same:
-            scale = 1 / self.length
-            parts = tuple(
-                replace(part, surface=Transformed(part.surface, scale=scale), origin=scale * part.origin)
-                for part in parts
+        parts = tuple(
+            part
+            if self.same
+            else replace(
+                part,
+                surface=self.placed_to_solver(part.surface),
+                origin=(part.origin - self.origin) / self.length,
             )
+            for part in solids.parts
+        )
         return Solids(self.surface_to_solver(solids.still), moving, container, parts)
 
     def motion_to_solver(self, motion: PoseFunction, start_time: float) -> PoseFunction:
@@ -135,7 +161,7 @@ class Units:
 
     def pose_to_solver(self, pose: Pose) -> Pose:
         """A pose of a scene in the units of the solver."""
-        return pose if self.same else Pose(pose.position / self.length, pose.rotation)
+        return pose if self.same else Pose((pose.position - self.origin) / self.length, pose.rotation)
 
     def time_to_solver(self, time: float, start_time: float) -> float:
         """A time of the scene in that of the solver, which is 0 at ``start_time`` seconds of the scene."""
@@ -159,27 +185,34 @@ class Units:
         """The particles of a scene in the units of the solver."""
         if self.same:
             return start
-        return scaled(start, 1 / self.length, 1 / self.velocity)
+        return scaled(start, 1 / self.length, 1 / self.velocity, -np.asarray(self.origin))
 
     def particles_from_solver(self, start: InitialParticles) -> InitialParticles:
         """Particles in the units of the solver as those of a scene; the inverse of :meth:`particles_to_solver`."""
-        return start if self.same else scaled(start, self.length, self.velocity)
+        if self.same:
+            return start
+        return scaled(start, self.length, self.velocity, np.asarray(self.origin) / self.length)
 
     def frame_to_solver(self, positions: np.ndarray, velocities: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Positions and velocities (N, 3) of a frame of the scene in the units of the solver."""
         if self.same:
             return positions, velocities
+        if any(self.origin):
+            positions = (positions - np.asarray(self.origin)).astype(np.float32)
         return positions / np.float32(self.length), velocities / np.float32(self.velocity)
 
     def frame_from_solver(self, positions: np.ndarray, velocities: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Positions and velocities (N, 3) of a frame of the solver in the units of the scene."""
         if self.same:
             return positions, velocities
-        return np.float32(self.length) * positions, np.float32(self.velocity) * velocities
+        positions = np.float32(self.length) * positions
+        if any(self.origin):
+            positions = (positions + np.asarray(self.origin)).astype(np.float32)
+        return positions, np.float32(self.velocity) * velocities
 
 
-def scaled(start: InitialParticles, length: float, velocity: float) -> InitialParticles:
-    """Particles with all positions times ``length`` and all velocities times ``velocity``, in single precision."""
+def scaled(start: InitialParticles, length: float, velocity: float, offset: np.ndarray) -> InitialParticles:
+    """Particles moved by ``offset`` (3,), then with lengths times ``length`` and velocities times ``velocity``."""
 
     def times(values: np.ndarray, factor: float) -> np.ndarray:
         return (np.asarray(values, np.float64) * factor).astype(np.float32)
@@ -191,5 +224,5 @@ def scaled(start: InitialParticles, length: float, velocity: float) -> InitialPa
         else:
             x, y, z = given
             velocities.append((velocity * x, velocity * y, velocity * z))
-    positions = [times(block, length) for block in start.block_positions]
+    positions = [times(np.asarray(block, np.float64) + offset, length) for block in start.block_positions]
     return replace(start, block_positions=positions, block_velocities=velocities)

@@ -45,7 +45,7 @@ def start_of(scene: Scene, surface: Surface | None) -> InitialParticles:
     start = scene.initial_particles(surface)
     if not any(start.settle):
         return start
-    units = scene.units
+    units = scene.units.around(scene, start)
     solid = units.surface_to_solver(surface)
     container = None if scene.container.motion is None else constant(units.pose_to_solver(container_at_start(scene)))
     solids = Solids(solid, container=container)  # nothing moves meanwhile

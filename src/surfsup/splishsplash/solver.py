@@ -59,8 +59,9 @@ def simulate(
         SolverError: the child process ended early.
         InputError: the solver or a library that it needs is not installed, or the surface is not near the container.
     """
-    units = scene.units
+    units = scene.units.around(scene, start)
     own_solids = replace(build_solids(scene) if scene.moves else Solids(surface), still=surface)
+    own_solids.require_described()
     solids = units.solids_to_solver(own_solids, scene.start_time)
     solver_scene, start = units.scene_to_solver(scene), units.particles_to_solver(start)
     interval = scene.frame_time / units.frame_time

@@ -17,9 +17,12 @@ enum class Kind : int32_t {
     boxes,
     sampled,
     transformed,
+    offset,
     set_union,
     intersection,
-    difference
+    difference,
+    complement,
+    edged_intersection
 };
 
 // A node in a list where every part precedes the node it belongs to.

@@ -37,6 +37,26 @@ inline Dual larger(const Dual& a, const Dual& b) {
 
 inline Dual smaller(const Dual& a, const Dual& b) { return -larger(-a, -b); }
 
+inline Dual unit_gradient(const Dual& a) {
+    const Floats inverse = 1.0f / at_least(square_root(a.x * a.x + a.y * a.y + a.z * a.z), 1e-12f);
+    return {a.value, a.x * inverse, a.y * inverse, a.z * inverse};
+}
+
+// The distance to the edge where both solids meet, see surfsup/sdf/edges.py; elsewhere the larger one.
+inline Dual beside_edge(const Dual& first, const Dual& second, Floats bound) {
+    const Dual a = unit_gradient(first), b = unit_gradient(second);
+    const Floats cosine = a.x * b.x + a.y * b.y + a.z * b.z, sine_squared = 1.0f - cosine * cosine;
+    const Ints at_edge = (a.value > cosine * b.value) & (b.value > cosine * a.value) & (a.value > 0.0f) & (b.value > 0.0f) &
+                         (sine_squared > 1e-3f);
+    const Floats inverse = 1.0f / at_least(sine_squared, 1e-3f);
+    const Floats along_a = (a.value - cosine * b.value) * inverse, along_b = (b.value - cosine * a.value) * inverse;
+    const Floats distance = square_root(at_least(along_a * a.value + along_b * b.value, 0.0f));
+    const Floats scale = 1.0f / at_least(distance, 1e-12f), most = 2.0f * bound;
+    const Dual edge = {distance < most ? distance : most, (along_a * a.x + along_b * b.x) * scale,
+                       (along_a * a.y + along_b * b.y) * scale, (along_a * a.z + along_b * b.z) * scale};
+    return where(at_edge, edge, larger(first, second));
+}
+
 inline Dual clamp_min(const Dual& a, float min) { return where(a.value < min, constant(min), a); }
 inline Dual clamp_max(const Dual& a, float max) { return where(a.value > max, constant(max), a); }
 
@@ -161,6 +181,7 @@ Dual signed_distance(const CsgTree& tree, int32_t index, const Points& p) {
         }
         case Kind::transformed:  // rotation, translation, scale
             return from_frame(signed_distance(tree, parts[0], to_frame(p, n, n + 9, n[12])), n, n[12]);
+        case Kind::offset: return signed_distance(tree, parts[0], p) - n[0];
         case Kind::boxes: {  // size, rotation, center of each; the first of equally near ones
             Dual nearest = constant(__builtin_inff());
             for (int32_t k = 0; k < node.parameter_count; k += 15) {
@@ -179,6 +200,17 @@ Dual signed_distance(const CsgTree& tree, int32_t index, const Points& p) {
             for (int32_t k = 1; k < node.part_count; ++k) farthest = larger(farthest, signed_distance(tree, parts[k], p));
             return farthest;
         }
+        case Kind::edged_intersection: {
+            Dual farthest = signed_distance(tree, parts[0], p);
+            Floats bound = farthest.value;
+            for (int32_t k = 1; k < node.part_count; ++k) {
+                const Dual part = signed_distance(tree, parts[k], p);
+                bound = part.value > bound ? part.value : bound;
+                farthest = beside_edge(farthest, part, bound);
+            }
+            return farthest;
+        }
+        case Kind::complement: return -signed_distance(tree, parts[0], p);
         case Kind::difference: return larger(signed_distance(tree, parts[0], p), -signed_distance(tree, parts[1], p));
     }
     return constant(__builtin_nanf(""));

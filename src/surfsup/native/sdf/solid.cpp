@@ -33,9 +33,12 @@ constexpr KindDescription KINDS[] = {
     {"funnel", Kind::funnel, 5, 0},
     {"boxes", Kind::boxes, -1, 0},
     {"transformed", Kind::transformed, 13, 1},
+    {"offset", Kind::offset, 1, 1},
     {"union", Kind::set_union, 0, -1},
     {"intersection", Kind::intersection, 0, -1},
     {"difference", Kind::difference, 0, 2},
+    {"complement", Kind::complement, 0, 1},
+    {"edged_intersection", Kind::edged_intersection, 0, -1},
 };
 
 const KindDescription& description(const std::string& name) {
@@ -101,9 +104,12 @@ Solid::Solid(std::shared_ptr<const SampledShape> shape)
 void Solid::evaluate(const float* points, int32_t count, float* distance, float* normal, const Isa& isa, int threads) const {
     const int64_t stride = static_cast<int64_t>(count) + MAX_LANES;  // vectors may extend beyond the last point
     AlignedFloats rows(static_cast<size_t>(4 * stride) * shapes_.size());
+    const bool with_normal = normal || std::any_of(nodes_.begin(), nodes_.end(), [](const CsgNode& node) {
+                                 return node.kind == Kind::edged_intersection;
+                             });
     std::vector<Samples> samples;
     for (const PlacedShape& placed : shapes_) {
-        samples.push_back({rows.data() + 4 * stride * static_cast<int64_t>(samples.size()), stride, normal != nullptr});
+        samples.push_back({rows.data() + 4 * stride * static_cast<int64_t>(samples.size()), stride, with_normal});
         sample(placed, isa, points, count, samples.back(), threads);
     }
     const CsgTree tree{nodes_.data(), parameters_.data(), parts_.data(), static_cast<int32_t>(nodes_.size()) - 1,

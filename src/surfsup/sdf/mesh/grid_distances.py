@@ -6,6 +6,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from surfsup.activity import activity
 from surfsup.cache import cached, digest
 from surfsup.sdf.grid import CHUNK, SdfGrid, grid_nodes
 from surfsup.sdf.mesh.query import MeshQuery
@@ -22,7 +23,8 @@ def mesh_grid(query: MeshQuery, cell: float, margin: float) -> SdfGrid:
         values = (value.numpy() for value in mesh_distances(query, cell, margin))
         return dict(zip(("distance", "gradient", "lower"), values, strict=True))
 
-    arrays = cached("grid", digest(query.vertices, query.faces, cell, margin), compute)
+    with activity(f"computing the distances around a mesh of {len(query.faces)} triangles"):
+        arrays = cached("grid", digest(query.vertices, query.faces, cell, margin), compute)
     distance, gradient, lower = (torch.from_numpy(arrays[name]) for name in ("distance", "gradient", "lower"))
     size = torch.from_numpy(np.ptp(query.vertices, axis=0) + 2 * margin)
     return SdfGrid(distance, gradient, lower, cell, center=lower + size / 2)

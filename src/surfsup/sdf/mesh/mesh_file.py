@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
+from surfsup.activity import activity
 from surfsup.cache import cached, digest
 from surfsup.errors import InputError
 from surfsup.sdf.mesh.cleaning import MeshWarning, clean, warn
@@ -55,7 +56,8 @@ def load_mesh(path: str | Path, up: Literal["y", "z"] | None = None, keep_sheets
         reason = (error.strerror if isinstance(error, OSError) else None) or "its name is no name of a file"
         raise InputError(f"{path}: cannot be read ({reason}); check the path") from error
     key = digest(content, path.suffix.lower(), up, keep_sheets)
-    arrays = cached("mesh", key, lambda: read_and_repair(content, path, up, keep_sheets))
+    with activity(f"reading {path}"):
+        arrays = cached("mesh", key, lambda: read_and_repair(content, path, up, keep_sheets))
     for defect in json.loads(arrays["defects"].tobytes()):
         warn(path, defect)
     return trimesh.Trimesh(arrays["vertices"], arrays["faces"], process=False)

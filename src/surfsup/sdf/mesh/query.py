@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
 # Distance over the mesh's largest extent, below which rounding dominates the direction from the closest point.
 ON_SURFACE = 1e-5
+WINDING_CHUNK = 10_000  # points
 
 
 class MeshQuery:
@@ -52,7 +53,9 @@ class MeshQuery:
 
         This works for meshes with holes, too (Barill et al., "Fast winding numbers for soups and clouds", 2018).
         """
-        return self.winding.winding_number(points) > 0.5
+        # In parts, since libigl holds Python's interpreter lock.
+        parts = np.array_split(points, max(1, len(points) // WINDING_CHUNK))
+        return np.concatenate([self.winding.winding_number(np.ascontiguousarray(part)) for part in parts]) > 0.5
 
     def nearest(
         self, points: np.ndarray, max_distance: np.ndarray | None = None

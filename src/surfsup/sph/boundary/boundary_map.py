@@ -15,6 +15,7 @@ import torch
 from torch import Tensor
 
 from surfsup import native
+from surfsup.activity import activity
 from surfsup.cache import cached, digest
 from surfsup.errors import InputError
 from surfsup.scene import Container
@@ -82,9 +83,10 @@ class MapTables:
     def known(cls, surface: Surface, extent: np.ndarray | str, compute: Callable[[], MapTables]) -> MapTables:
         """The tables of ``compute`` over an ``extent``; from the cache if the surface is known."""
         content = surface.content()
-        if content is None:
-            return compute()
-        return cls(**cached("boundary-map", digest(content, extent), lambda: vars(compute())))
+        with activity("computing the boundary volume map"):
+            if content is None:
+                return compute()
+            return cls(**cached("boundary-map", digest(content, extent), lambda: vars(compute())))
 
     @classmethod
     def of_map(cls, volume_map: VolumeMap) -> MapTables:
