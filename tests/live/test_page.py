@@ -134,6 +134,8 @@ def test_fast_water_is_white_and_slow_water_blue():
 
 
 def test_gravity_keeps_its_strength_when_it_is_tilted():
-    np.testing.assert_allclose(tilted_gravity(9.81, 0, 0), (0, 0, -9.81), atol=1e-9)
-    assert np.linalg.norm(tilted_gravity(9.81, 0.4, -1.0)) == pytest.approx(9.81)
-    assert tilted_gravity(9.81, 0, -0.5)[0] > 0 and tilted_gravity(9.81, 0.5, 0)[1] > 0
+    down = (0.0, 0.0, -9.81)
+    np.testing.assert_allclose(tilted_gravity(down, 0, 0), down, atol=1e-9)
+    np.testing.assert_allclose(tilted_gravity(down, np.pi / 2, 0), (0, 9.81, 0), atol=1e-9)
+    np.testing.assert_allclose(tilted_gravity(down, 0, np.pi / 2), (-9.81, 0, 0), atol=1e-9)
+    assert np.linalg.norm(tilted_gravity((1.0, 2.0, -3.0), 0.4, -1.0)) == pytest.approx(14**0.5)

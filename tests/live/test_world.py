@@ -105,3 +105,19 @@ def test_an_unusable_folder_is_named(tmp_path):
     world = LiveWorld(Scene.from_yaml(SCENE, "test"), tmp_path / "file")
     with pytest.raises(InputError, match="file: cannot be made"):
         world.start_recording()
+
+
+def test_water_is_poured_beside_that_of_a_tap(tmp_path):
+    tap = "taps: [{disc: {radius: 0.05}, at: [0.15, 0.15, 0.8], direction: [0, 0, -1], speed: 1}]\n"
+    world = LiveWorld(Scene.from_yaml(SCENE + tap, "test"), tmp_path)
+    start = count(world)
+    for _ in range(20):
+        world.step()
+    entered = count(world) - start
+    assert entered > 0
+    assert world.pour((-0.15, -0.15, 0.7), (0.15, 0.15, 0.15)) > 0
+    for _ in range(20):
+        frame = world.step()
+    assert np.isfinite(frame.positions).all() and count(world) > start + entered
+    with pytest.raises(InputError, match="taps"):
+        world.start_recording()

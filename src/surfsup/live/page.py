@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from surfsup.live.world import LiveWorld
+from surfsup.scene import quaternion
 from surfsup.scene.pose import Pose
 from surfsup.simulation import Frame
 from surfsup.viewing.camera import FIELD_OF_VIEW, fit_camera
@@ -153,7 +154,7 @@ class LivePage:
         with gui.add_folder("Pour"):
             self._add_pouring(world)
         with gui.add_folder("Gravity"):
-            self._tilts = [gui.add_slider(f"tilt {axis}", -90.0, 90.0, 1.0, 0.0) for axis in "xy"]
+            self._tilts: list[Any] = [gui.add_slider(f"tilt {axis}", -90.0, 90.0, 1.0, 0.0) for axis in "xy"]
             for tilt in self._tilts:
                 tilt.on_update(lambda _: self._send_gravity())
         if world.movable:
@@ -226,7 +227,7 @@ class LivePage:
         tilt = np.radians([slider.value for slider in self._tilts])
 
         def tilted(world: LiveWorld) -> None:
-            world.set_gravity(tilted_gravity(float(np.linalg.norm(world.scene.gravity)), tilt[0], tilt[1]))
+            world.set_gravity(tilted_gravity(world.scene.gravity, tilt[0], tilt[1]))
 
         self._send(tilted)
 
@@ -281,8 +282,6 @@ class SolidHandle:
 
     def nudge(self, offset: tuple[float, float, float], degrees: float) -> None:
         """Move the solid by an ``offset`` in meters, and turn it about z."""
-        from surfsup.scene import quaternion
-
         turn = quaternion.about_axis((0, 0, 1), np.radians(degrees))
         position = np.asarray(self._controls.position) + offset
         self.place(Pose.of(position, quaternion.product(turn, np.asarray(self._controls.wxyz))))
@@ -301,10 +300,8 @@ def speed_colors(velocities: np.ndarray, fast: float) -> np.ndarray:
     return colors
 
 
-def tilted_gravity(strength: float, about_x: float, about_y: float) -> tuple[float, float, float]:
-    """Gravity of a ``strength`` in m/s² after tilting the container's frame about x, then about y, in radians."""
-    return (
-        float(-strength * np.cos(about_x) * np.sin(about_y)),
-        float(strength * np.sin(about_x)),
-        float(-strength * np.cos(about_x) * np.cos(about_y)),
-    )
+def tilted_gravity(gravity: tuple[float, float, float], about_x: float, about_y: float) -> tuple[float, float, float]:
+    """Gravity in m/s² after a turn about x, then about y, in radians."""
+    turn = quaternion.product(quaternion.about_axis((0, 1, 0), about_y), quaternion.about_axis((1, 0, 0), about_x))
+    x, y, z = (quaternion.matrix(turn) @ gravity).tolist()
+    return x, y, z

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from contextlib import ExitStack
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +17,8 @@ from surfsup.scene.pose import Pose
 from surfsup.scene.shapes import Shape
 from surfsup.scene.solids import NamedShape, as_named_shape
 from surfsup.simulation import Frame, Simulation, SimulationState
+from surfsup.sph.open_water import OpenState
+from surfsup.sph.simulator import FluidState
 from surfsup.sph.state import ParticleState
 
 SOLID = "solid"  # the name of a scene's single surface
@@ -49,6 +50,7 @@ class LiveWorld:
         simulation = Simulation(scene, SIMULATOR, "cpu")
         check_count(len(simulation.particles.positions))
         self.scene, self.simulation, self._gravity = scene, simulation, scene.gravity
+        self._units = scene.units.around(scene, simulation.particles)
         self.movable = [name for name, entry in scene.surfaces.items() if getattr(entry, "motion", None) is None]
         for name in self.movable:  # now, because the first movement builds a volume map
             self._place(name, resting_pose(scene, name))
@@ -104,13 +106,8 @@ class LiveWorld:
             return 0
         self.stop_recording()  # a trajectory has one number of particles
         state = self.simulation.state
-        assert isinstance(state.fluid, ParticleState)  # the solver's
-        positions, velocities = self.scene.units.frame_to_solver(added, np.zeros_like(added))
-        fluid = replace(
-            state.fluid,
-            positions=torch.cat([state.fluid.positions, torch.from_numpy(positions)]),
-            velocities=torch.cat([state.fluid.velocities, torch.from_numpy(velocities)]),
-        )
+        positions, velocities = self._units.frame_to_solver(added, np.zeros_like(added))
+        fluid = with_particles(state.fluid, positions, velocities)
         self.simulation.reset(SimulationState(state.frame, fluid, state.poses))
         return len(added)
 
@@ -170,6 +167,8 @@ class LiveWorld:
         Raises:
             InputError: the file cannot be written.
         """
+        if self.scene.is_open:
+            raise InputError("water that enters by taps or leaves by drains is recorded by surfsup simulate alone")
         self.stop_recording()
         try:
             self._folder.mkdir(parents=True, exist_ok=True)
@@ -198,6 +197,17 @@ class LiveWorld:
 
     def _place(self, name: str, pose: Pose) -> None:
         self.simulation.set_pose(name, pose.position, pose.rotation)
+
+
+def with_particles(fluid: FluidState, positions: np.ndarray, velocities: np.ndarray) -> FluidState:
+    """The state with more particles (N, 3), in the units of the solver."""
+    if isinstance(fluid, OpenState):
+        return fluid.extended(positions, velocities, fluid.next_id + np.arange(len(positions)))
+    assert isinstance(fluid, ParticleState)  # the solver's
+    old = fluid.positions, fluid.velocities
+    return ParticleState(
+        *(torch.cat([one, torch.from_numpy(other)]) for one, other in zip(old, (positions, velocities), strict=True))
+    )
 
 
 def check_count(particles: int) -> None:
