@@ -26,10 +26,13 @@ from surfsup.sph.interpolation import ROUNDING, hermite
 from surfsup.sph.mean_forces import MeanForces
 from surfsup.sph.moving import FrameMotion, MovingSolids
 from surfsup.sph.open_water import OpenState, Passages, WithTaps, common_particles
+from surfsup.sph.rigid.bodies import RigidBodies
+from surfsup.sph.rigid.body import BodyState
 from surfsup.sph.scene_motion import SceneMotion, warn_jumps
 from surfsup.sph.settle import start_of
 from surfsup.sph.simulator import FluidState, Simulator
 
+COUPLINGS = 5  # of rigid bodies and water in a frame
 NO_FORCES: Mapping[str, Wrench] = {}
 
 
@@ -72,6 +75,7 @@ class SimulationState:
             simulator (:class:`surfsup.scene.Units`); with particles of 15 mm these are meters and m/s.
         poses: of all that moves, by name, in the units of the scene.
         forces: on the solids in the last step, mean, by name, in the units of the scene.
+        bodies: velocities and accelerations of the rigid bodies by name, in the units of the scene.
 
     Examples:
         >>> import surfsup as sf
@@ -87,6 +91,7 @@ class SimulationState:
     fluid: FluidState
     poses: Mapping[str, Pose] = field(default_factory=dict)
     forces: Mapping[str, Wrench] = field(default_factory=dict)
+    bodies: Mapping[str, BodyState] = field(default_factory=dict)
 
 
 class Simulation:
@@ -108,7 +113,8 @@ class Simulation:
         particles: of the first frame.
 
     Raises:
-        InputError: simulator, device or a file of the scene cannot be used, or no particle is left.
+        InputError: simulator, device or a file of the scene cannot be used, no particle is left, or a rigid body has no
+            volume or overlaps another solid.
 
     Examples:
         >>> import surfsup as sf
@@ -154,7 +160,9 @@ class Simulation:
             torch.from_numpy(values).to(self._device) for values in (start.positions, start.velocities)
         )
         fluid = self._simulator.initial_state(positions, velocities, self._environment)
-        self._start = SimulationState(0, fluid, self.motion.solids.poses(self._start_time))
+        self._bodies = RigidBodies(scene, self.motion.solids)
+        poses = self.motion.solids.poses(self._start_time)
+        self._start = SimulationState(0, fluid, poses, bodies=self._bodies.start())
         self._state = self._start
 
     @property
@@ -203,19 +211,39 @@ class Simulation:
         Raises:
             SimulationError: the simulation failed: particles are at infinity or collapsed into a clump.
         """
-        number, environment = self._state.frame + 1, self._environment
-        poses = self.motion.next_poses(self._state.poses, self._start_time + number * self._units.frame_time)
-        if environment.moving is not None:
-            motion = self._motion_between(environment.moving, self._state.poses, poses)
-            warn_jumps(motion, number, self._units)
-            environment = environment.moved(motion)
-        if self.scene.forces:
-            environment = environment.measured()
-        fluid, _ = self._simulator.step(self._state.fluid, environment, self.handle_collisions)
-        impulses = environment.impulses
-        forces = {} if impulses is None else impulses.wrenches(self._units, self.scene.density)
-        self._state = SimulationState(number, fluid, poses, forces)
+        if not self._free(self._state):
+            self._state = self._advance(self._state, 1.0, self._state.frame + 1)
+            return self.frame
+        state, forces = self._state, MeanForces()
+        for part in range(1, COUPLINGS + 1):
+            state = self._advance(state, 1 / COUPLINGS, self._state.frame + part / COUPLINGS)
+            forces.add(part, state.forces)
+        self._state = replace(state, frame=self._state.frame + 1, forces=forces.mean(0, COUPLINGS))
         return self.frame
+
+    def _free(self, state: SimulationState) -> dict[str, BodyState]:
+        """The rigid bodies that move freely."""
+        return {name: body for name, body in state.bodies.items() if name not in self.motion.driven}
+
+    def _advance(self, state: SimulationState, part: float, end: float) -> SimulationState:
+        """The state after a part of a frame, which ends at frame ``end``; its number stays for all but the whole."""
+        environment, time = self._environment, part * self._units.frame_time
+        poses = self.motion.next_poses(state.poses, self._start_time + end * self._units.frame_time)
+        bodies = self._free(state)
+        if bodies:
+            bodies = self._bodies.advanced(bodies, self.motion.solids, state.poses, poses, time)
+            poses = {**poses, **{name: body.pose for name, body in bodies.items()}}
+        if environment.moving is not None:
+            motion = self._motion_between(environment.moving, state.poses, poses, part)
+            warn_jumps(motion, math.ceil(end), self._units)
+            environment = environment.moved(motion)
+        if self.scene.forces or bodies:
+            environment = environment.measured()
+        fluid, _ = self._simulator.step(state.fluid, environment, self.handle_collisions)
+        impulses = environment.impulses
+        forces = {} if impulses is None else impulses.wrenches(self._units, self.scene.density, part)
+        number = state.frame + 1 if part == 1 else state.frame
+        return SimulationState(number, fluid, poses, forces, self._bodies.pushed(bodies, forces))
 
     def set_pose(
         self, name: str, position: Sequence[float] | np.ndarray, rotation: Sequence[float] | np.ndarray = NO_ROTATION

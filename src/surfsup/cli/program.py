@@ -47,7 +47,7 @@ app = typer.Typer(
     rich_markup_mode=None,
 )
 
-WATER = (simulate, examples, sweep, reference, compare, view, live, render, forces, export, convert)
+WATER = (simulate, examples, sweep, reference, compare, live, view, render, forces, export, convert)
 LEARNING = (generate, floor, train, evaluate, design)
 for verb in (*WATER, *LEARNING, doctor):
     app.command()(expand_option_groups(verb))

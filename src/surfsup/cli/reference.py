@@ -39,6 +39,8 @@ def reference(
     scene = scene_options.read()
     if scene.forces:
         warnings.warn("the reference records no forces on solids; the solver dfsph does", stacklevel=1)
+    if scene.flush:
+        warnings.warn("the reference keeps its water off flush surfaces, too", stacklevel=1)
     solids = build_solids(scene)
     start_time = scene.start_time
     check_taps_and_drains(scene, solids)

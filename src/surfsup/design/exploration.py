@@ -1,4 +1,4 @@
-"""A look over the whole range of the parameters, where the search for a better design stands still.
+"""Rewards over the whole range of the parameters, where the search for a better design stands still.
 
 A gradient sees a few step lengths. A search that begins on a plateau, or at a local maximum, would end there: the
 funnel of the paper begins at a bound, where the reward first falls with the radius and rises again only 50 mm beyond.

@@ -234,6 +234,16 @@ class Scene(StrictModel):
         return self
 
     @model_validator(mode="after")
+    def check_restart(self) -> Scene:
+        """Refuse to continue rigid bodies, whose velocities no trajectory has."""
+        named = {name: entry for name, entry in self.surfaces.items() if isinstance(entry, NamedShape)}
+        if self.restart is not None and (
+            free := [name for name, entry in named.items() if entry.rigid_body is not None]
+        ):
+            raise ValueError(f"restart: '{free[0]}' is a rigid body, whose velocity no trajectory has; omit restart")
+        return self
+
+    @model_validator(mode="after")
     def count_frames(self) -> Scene:
         """Compute the number of frames from the duration."""
         fastest = 1 / self.units.frame_time
@@ -394,10 +404,15 @@ class Scene(StrictModel):
         return self.moves or bool(self.forces)
 
     @property
+    def flush(self) -> bool:
+        """Whether the water touches a surface (``flush``), which the reference does not know."""
+        return any(isinstance(entry, NamedShape) and entry.flush for entry in self.surfaces.values())
+
+    @property
     def moves(self) -> bool:
-        """Whether a surface or the container has a motion."""
-        entries = [self.container, *self.surfaces.values()]
-        return any(getattr(entry, "motion", None) is not None for entry in entries)
+        """Whether a surface or the container has a motion, or is a rigid body."""
+        named = (entry for entry in self.surfaces.values() if isinstance(entry, NamedShape))
+        return self.container.motion is not None or any(entry.moves for entry in named)
 
     @property
     def is_open(self) -> bool:

@@ -9,12 +9,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import torch
+from pydantic import model_validator
 
 from surfsup.errors import InputError
 from surfsup.scene.mesh_surface import MeshFileSurface
 from surfsup.scene.motion import Motion, PoseFunction
 from surfsup.scene.pose import Pose
 from surfsup.scene.quaternion import about_axis
+from surfsup.scene.rigid_body import RigidBody
 from surfsup.scene.shapes import Shape
 from surfsup.sdf import Surface, Transformed, Union
 
@@ -27,9 +29,29 @@ MAX_OWN_DISTANCE = 1000.0  # meters of a point of a moving solid from its own or
 
 
 class NamedShape(Shape):
-    """A surface under ``surfaces``: a shape that may have a motion. ``at`` and ``rotate`` are its pose at rest."""
+    """A surface under ``surfaces``: a shape that may move. ``at`` and ``rotate`` are its pose at rest.
+
+    Attributes:
+        motion: along given poses.
+        rigid_body: as gravity, water and contacts move it.
+        flush: whether the water touches it, so that it displaces its own volume; by default rigid bodies are flush.
+    """
 
     motion: Motion | None = None
+    rigid_body: RigidBody | None = None
+    flush: bool | None = None
+
+    @model_validator(mode="after")
+    def check_one_motion(self) -> NamedShape:
+        """Refuse two motions."""
+        if self.motion is not None and self.rigid_body is not None:
+            raise ValueError("give either motion or rigid_body, not both")
+        return self
+
+    @property
+    def moves(self) -> bool:
+        """Whether it may move."""
+        return self.motion is not None or self.rigid_body is not None
 
     @property
     def rest(self) -> Pose:
@@ -67,12 +89,16 @@ class MovingSolid:
     Attributes:
         name: its key under ``surfaces``.
         surface: in its own frame.
-        pose: its pose at a time in seconds.
+        pose: its pose at a time in seconds; of a rigid body that at the start.
+        body: what the scene says of a rigid body, None for other solids.
+        flush: whether the water touches it.
     """
 
     name: str
     surface: Surface
     pose: PoseFunction
+    body: RigidBody | None = None
+    flush: bool = False
 
     def at(self, pose: Pose) -> Surface:
         """The surface in the world."""
@@ -87,11 +113,13 @@ class StillSolid:
         name: its key under ``surfaces``, or ``surface``.
         surface: in the world.
         origin: (3,) meters, where ``at`` puts it; that of the world for an object that no file describes.
+        flush: whether the water touches it.
     """
 
     name: str
     surface: Surface
     origin: np.ndarray
+    flush: bool = False
 
 
 @dataclass(frozen=True)
@@ -114,6 +142,18 @@ class Solids:
     def move(self) -> bool:
         """Whether anything moves."""
         return bool(self.moving) or self.container is not None
+
+    def require_described(self) -> None:
+        """Require that the scene describes all motions.
+
+        Raises:
+            InputError: there is a rigid body, whose motion a simulation computes.
+        """
+        if free := [solid.name for solid in self.moving if solid.body is not None]:
+            raise InputError(
+                f"surface '{free[0]}' is a rigid body, which moves in 'surfsup simulate' and sf.Simulation only; "
+                "omit 'rigid_body', or give a motion"
+            )
 
     def poses(self, time: float) -> dict[str, Pose]:
         """The pose by name of all that moves, at a time in seconds."""
@@ -149,9 +189,11 @@ def build_solids(scene: Scene, movable: Collection[str] = ()) -> Solids:
         parts.append(StillSolid(SINGLE, single, origin_of(scene.surface)))
     for name, entry in scene.surfaces.items():
         motion = entry.motion if isinstance(entry, NamedShape) else None
-        if motion is None and name not in movable:
+        body = entry.rigid_body if isinstance(entry, NamedShape) else None
+        flush = isinstance(entry, NamedShape) and (body is not None if entry.flush is None else entry.flush)
+        if motion is None and body is None and name not in movable:
             surface = entry.surface(scene.base_folder) if isinstance(entry, Shape) else entry
-            parts.append(StillSolid(name, surface, origin_of(entry)))
+            parts.append(StillSolid(name, surface, origin_of(entry), flush))
             continue
         shape = as_named_shape(entry)
         if shape is None:
@@ -160,7 +202,7 @@ def build_solids(scene: Scene, movable: Collection[str] = ()) -> Solids:
         else:
             rest, surface = shape.rest, shape.own_surface(scene.base_folder)
         pose = constant(rest) if motion is None else motion.pose_function(rest, scene.base_folder)
-        moving.append(MovingSolid(name, surface, pose))
+        moving.append(MovingSolid(name, surface, pose, body, flush))
     container, shaken = None, scene.container.motion
     if shaken is not None or CONTAINER in movable:
         container = constant(Pose.of()) if shaken is None else shaken.pose_function(Pose.of(), scene.base_folder)

@@ -122,8 +122,10 @@ class Units:
 
     def surface_to_solver(self, surface: Surface | None) -> Surface | None:
         """A solid in the units of the scene as one in those of the solver."""
-        if surface is None or self.same:
-            return surface
+        return surface if surface is None or self.same else self.placed_to_solver(surface)
+
+    def placed_to_solver(self, surface: Surface) -> Surface:
+        """:meth:`surface_to_solver` where units differ."""
         if any(self.origin):
             surface = moved(surface, -np.asarray(self.origin))
         return Transformed(surface, scale=1 / self.length)
@@ -141,13 +143,16 @@ class Units:
             for solid in solids.moving
         )
         container = None if solids.container is None else self.motion_to_solver(solids.container, start_time)
-        parts = solids.parts
-        if not self.same:
-            scale = 1 / self.length
-            parts = tuple(
-                replace(part, surface=Transformed(part.surface, scale=scale), origin=scale * part.origin)
-                for part in parts
+        parts = tuple(
+            part
+            if self.same
+            else replace(
+                part,
+                surface=self.placed_to_solver(part.surface),
+                origin=(part.origin - self.origin) / self.length,
             )
+            for part in solids.parts
+        )
         return Solids(self.surface_to_solver(solids.still), moving, container, parts)
 
     def motion_to_solver(self, motion: PoseFunction, start_time: float) -> PoseFunction:

@@ -23,7 +23,9 @@ def resolve_collisions(
 
     A projection may end too close to a wall or to another part of the solid, so it is repeated for a few rounds. A
     particle that is still inside then, in a crease too narrow for it, returns to where it was ``before``. So no
-    particle is ever inside, provided that none is at the start.
+    particle is ever inside, provided that none is at the start. A particle whose straight path from before leads
+    through the solid first returns to where it entered, so that none passes, however thin the solid; on a GPU this is
+    missing.
 
     Args:
         before: (N, 3) positions one frame earlier, none inside the solid or outside the container.

@@ -14,6 +14,7 @@ from surfsup import native
 from surfsup.errors import InputError
 from surfsup.native.dispatch import tensors_requiring_grad
 from surfsup.scene import Scene
+from surfsup.scene.flush import with_flush_solids
 from surfsup.scene.solids import Solids, build_solids
 from surfsup.sdf import Surface, Transformed
 from surfsup.sdf.edges import with_edges
@@ -77,11 +78,16 @@ class Environment:
             surface: what stands still in it.
             device: of the tensors.
             solids: all solids, if they were built before.
+
+        Raises:
+            InputError: a flush solid is too thin.
         """
         assert scene.units.same, "convert the scene first"
         container = scene.container
         if solids is None and scene.moves:
             solids = build_solids(scene)
+        if solids is not None and (fitted := with_flush_solids(solids)) is not solids:
+            solids, surface = fitted, fitted.still
         return cls(
             None if surface is None else surface_on(with_edges(surface), device),
             torch.tensor(container.lower, device=device),
@@ -107,7 +113,13 @@ class Environment:
         return self.unmoved or self
 
     def at_frame(self, number: int) -> Environment:
-        """The same for the step from frame ``number`` to the next, as the scene describes the motion."""
+        """The same for the step from frame ``number`` to the next, as the scene describes the motion.
+
+        Raises:
+            InputError: a rigid body moves, of which the scene describes the start alone.
+        """
+        if self.moving is not None:
+            self.moving.solids.require_described()
         return self if self.moving is None else self.moved(self.moving.of_frame(number))
 
     def transformed_by(self, matrix: Tensor) -> Environment:

@@ -71,14 +71,15 @@ class Impulses:
         walls = poses[CONTAINER].position if CONTAINER in poses else np.zeros(3)
         return np.stack([walls, *still, *(poses[solid.name].position for solid in self.solids.moving)])
 
-    def wrenches(self, units: Units, density: float) -> dict[str, Wrench]:
-        """Mean force and torque in a frame of the simulator, by name, in the units of a scene.
+    def wrenches(self, units: Units, density: float, part: float = 1.0) -> dict[str, Wrench]:
+        """Mean force and torque, by name, in the units of a scene.
 
         Args:
             units: of the scene.
             density: of its water at rest, kg/m³.
+            part: of a frame of the simulator that the impulses are of.
         """
-        scale = density * PARTICLE_VOLUME / FRAME_TIME * units.force
+        scale = density * PARTICLE_VOLUME / (part * FRAME_TIME) * units.force
         return {
             name: Wrench(scale * row[:3], scale * units.length * row[3:])
             for name, row in zip(self.names, self.rows, strict=True)

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "sph/collision_steps.hpp"
+#include "sph/crossing.hpp"
 
 namespace surfsup {
 namespace {
@@ -54,6 +55,8 @@ void resolve_collisions(const float* before, float* positions, float* velocities
         if (collided[i]) watch.add_to(0);
     }
     if (!solid) return;
+    for (const int32_t i : stop_crossings(solid, last_query, before, positions, count, parameters.clearance))
+        collided[i] = true;
     std::vector<int32_t> active;
     if (last_query) {
         active = possibly_near(positions, *last_query, count, parameters.clearance);

@@ -12,6 +12,12 @@ namespace surfsup {
 // Lipschitz bound of a signed distance: a neural distance may exceed the true one by this factor.
 constexpr float LIPSCHITZ_BOUND = 2.0f;
 
+// Tracing of a path through a solid.
+constexpr int MAX_ADVANCES = 64;          // of a particle along its path
+constexpr float CONTACT_FRACTION = 0.5f;  // of the clearance or the first distance, whichever is less: a path is cut there
+constexpr float MIN_SWEPT_PATH = 0.9f;    // of the clearance: a shorter path cannot lead through a solid
+constexpr float TOUCH = 0.05f;            // of the clearance: a path so near the solid leads into it
+
 // Clamps a particle into the box and removes velocity that points out. Returns whether it moved; NaN counts as moved.
 inline bool contain(float* position, float* velocity, const float* lower, const float* upper) {
     bool moved = false;

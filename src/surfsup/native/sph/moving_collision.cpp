@@ -3,13 +3,11 @@
 #include <numeric>
 
 #include "sph/collision_steps.hpp"
+#include "sph/crossing.hpp"
 #include "sph/moving_solids.hpp"
 
 namespace surfsup {
 namespace {
-
-constexpr int MAX_ADVANCES = 64;          // of a particle along its path
-constexpr float CONTACT_FRACTION = 0.5f;  // of the clearance or the first distance, whichever is less: a path ends there
 
 // A solid as collision handling sees it: still, or moving with a box around it.
 struct Obstacle {
@@ -123,7 +121,7 @@ Candidates candidates_of(const Obstacle& obstacle, const float* before, const fl
         const float* last = obstacle.last_query->positions + at;
         const float known = obstacle.last_query->distance[i];
         if (!(LIPSCHITZ_BOUND * distance_between(last, to) < known - clearance)) found.near.push_back(i);
-        if (path > 0.9f * clearance && !(LIPSCHITZ_BOUND * (distance_between(last, from) + path) < known))
+        if (path > MIN_SWEPT_PATH * clearance && !(LIPSCHITZ_BOUND * (distance_between(last, from) + path) < known))
             found.crossing.push_back(i);
     }
     return found;
@@ -186,6 +184,10 @@ void resolve_moving_collisions(const float* before, float* positions, float* vel
     std::fill_n(collided, count, false);
     for (size_t number = 0; number < obstacles.size(); ++number) {
         const Obstacle& obstacle = obstacles[number];
+        if (!obstacle.moves)
+            for (const int32_t i :
+                 stop_crossings(*obstacle.query, obstacle.last_query, before, positions, count, parameters.clearance))
+                collided[i] = true;
         if (!obstacle.moves && obstacle.last_query) {
             active[number] = possibly_near(positions, *obstacle.last_query, count, parameters.clearance);
         } else if (!obstacle.moves) {

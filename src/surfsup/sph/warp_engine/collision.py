@@ -16,6 +16,7 @@ from surfsup.sdf import MeshSurface, Surface
 from surfsup.sph.clearance import ROUNDS, CollisionResult, LastQuery
 from surfsup.sph.environment import Environment
 from surfsup.sph.warp_engine import runtime
+from surfsup.sph.warp_engine.crossing import stop_crossings
 from surfsup.sph.warp_engine.kernels.collision import collision_kernels
 from surfsup.sph.warp_engine.runtime import Precision, precision_of
 
@@ -254,6 +255,10 @@ def leave_solid(
     positions, velocities, collided = contained
     if environment.surface is None:
         return CollisionResult(positions, velocities, collided)
+    if positions.device.type == "cpu":  # on a GPU the host would wait to learn who is fast
+        positions, stopped = stop_crossings(before, positions, environment.surface, last)
+        if stopped is not None:
+            collided[stopped] = True
     if last is None:
         with torch.no_grad():
             last = LastQuery(positions, environment.surface.distance(positions))
