@@ -128,16 +128,20 @@ class Taps:
             if not ages:
                 continue
             pose = Pose.of() if nozzle.carrier is None else motion.end[nozzle.carrier]
-            own = pose.to_own(positions)
-            ways, ahead = nozzle.way_out(own, nozzle.speed * max(ages))
-            rows = np.flatnonzero(ways.any(axis=1))
-            if not len(rows):
+            front = nozzle.speed * max(ages)
+            own = positions if nozzle.carrier is None else pose.to_own(positions)
+            reach = float(np.linalg.norm(nozzle.half)) + front + nozzle.speed * nozzle.interval
+            near = np.flatnonzero((np.abs(own - nozzle.center) < reach).all(axis=1))
+            ways, ahead = nozzle.way_out(own[near], front)
+            inside = ways.any(axis=1)
+            if not inside.any():
                 continue
+            rows, ways, ahead = near[inside], ways[inside], ahead[inside]
             before = Pose.of() if nozzle.carrier is None else motion.start[nozzle.carrier]
-            ways = ways[rows] @ pose.matrix.T
+            ways = ways @ pose.matrix.T
             towards = ways / np.linalg.norm(ways, axis=1, keepdims=True)
             pipe = (positions[rows] - before.apply(own[rows])) / motion.seconds
-            pipe += ahead[rows, None] * (pose.matrix @ nozzle.velocity)
+            pipe += ahead[:, None] * (pose.matrix @ nozzle.velocity)
             lacking = np.maximum(0.0, ((pipe - velocities[rows]) * towards).sum(axis=1))
             positions, velocities = positions.copy(), velocities.copy()
             positions[rows] += ways
