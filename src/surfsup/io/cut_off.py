@@ -12,6 +12,7 @@ from surfsup.errors import InputError
 from surfsup.io.trajectory import Trajectory
 
 BEYOND_ALL_FILES = 1 << 50
+MAX_SHRINKING = 1e5  # bytes of the values over those of a file: compressed 1,000 times, and cut to a hundredth
 
 
 class PaddedFile(io.RawIOBase):
@@ -59,6 +60,16 @@ class CutOffTrajectory(Trajectory):
 
     def _open(self, path: Path) -> h5py.File:
         return h5py.File(PaddedFile(path), "r")
+
+    def _check_written(self, data: h5py.Dataset) -> None:
+        """Frames may be missing, but the rest cannot be a thousandth of a percent.
+
+        Raises:
+            ValueError: the shape is absurd.
+        """
+        size = self._path.stat().st_size
+        if data.nbytes > MAX_SHRINKING * size:
+            raise ValueError(f"{data.name} should have the shape {data.shape}, in a file of {size} bytes")
 
 
 def open_readable(path: Path) -> Trajectory:

@@ -21,6 +21,7 @@ from isal import isal_zlib
 
 from surfsup import __version__
 from surfsup.errors import InputError
+from surfsup.io.checked_dataset import check_written, stored_dataset, stored_object
 from surfsup.io.reserved_space import ReservedSpace
 from surfsup.scene import Scene
 from surfsup.scene.pose import Pose
@@ -43,6 +44,7 @@ COMPRESSION_LEVEL = 2  # of ISA-L
 # float32 stores to 6e-8 m; finer digits are noise that does not compress.
 VELOCITY_STEP = 2.0**-16
 FLUID_TYPE = 0
+UNREADABLE = (OSError, RuntimeError, KeyError, TypeError, ValueError)  # that h5py raises for files that are damaged
 SPARE_BYTES = 256 * 1024  # free disk space for the tables of the file
 
 
@@ -80,7 +82,7 @@ class TrajectoryFrames:
         Raises:
             InputError: the file is missing, is not HDF5, or is not a trajectory.
         """
-        path = Path(path)
+        self._path = path = Path(path)
         if not path.is_file():
             raise InputError(f"{path}: there is no such trajectory file")
         try:
@@ -91,7 +93,9 @@ class TrajectoryFrames:
             self._read(path)
         except BaseException as error:
             self._file.close()
-            if isinstance(error, OSError | KeyError | TypeError | ValueError) and not isinstance(error, InputError):
+            if isinstance(error, OSError | RuntimeError | KeyError | TypeError | ValueError) and not isinstance(
+                error, InputError
+            ):
                 raise InputError(not_a_trajectory(path, error)) from None
             raise
 
@@ -102,15 +106,23 @@ class TrajectoryFrames:
         self.positions, self.velocities = (self._frames_of(name) for name in ("position", "velocity"))
         if self.positions.shape != self.velocities.shape:
             raise ValueError(f"{self.positions.shape} positions, {self.velocities.shape} velocities")
-        self.lifetimes = None if LIFETIMES not in self._file else self._file[LIFETIMES][:]
+        self.lifetimes = None
+        if LIFETIMES in self._file:
+            lifetimes = stored_dataset(self._file, LIFETIMES, "iu")
+            check_written(lifetimes)
+            self.lifetimes = lifetimes[:]
         if self.lifetimes is not None and self.lifetimes.shape != (self.positions.shape[1], 2):
             raise ValueError(f"{self.positions.shape} positions, {self.lifetimes.shape} lifetimes")
 
     def _frames_of(self, name: str) -> h5py.Dataset:
-        data = self._file[f"{GROUP}/{name}"]
-        if not isinstance(data, h5py.Dataset) or data.ndim != 3 or data.shape[2] != 3:
+        data = stored_dataset(self._file, f"{GROUP}/{name}")
+        if data.ndim != 3 or data.shape[2] != 3:
             raise ValueError(f"{name} is not (frames, particles, 3)")
+        self._check_written(data)
         return data
+
+    def _check_written(self, data: h5py.Dataset) -> None:
+        check_written(data)
 
     def __len__(self) -> int:
         """Number of frames."""
@@ -136,6 +148,8 @@ class TrajectoryFrames:
 
     def __exit__(self, kind: type | None, error: BaseException | None, trace: TracebackType | None) -> None:
         self.close()
+        if isinstance(error, OSError) and error.errno is None:  # of HDF5, which does not say which file it is
+            raise InputError(f"{self._path}: is damaged ({single_line(error)})") from None
 
 
 class Trajectory(TrajectoryFrames):
@@ -176,9 +190,9 @@ class Trajectory(TrajectoryFrames):
     def _rows_by_name(self, group: str, width: int) -> dict[str, np.ndarray]:
         """The rows (frames, width) of each solid in a group."""
         rows = {}
-        for name in self._file.get(group, ()):
-            data = self._file[f"{group}/{name}"]
-            if not isinstance(data, h5py.Dataset) or data.ndim != 2 or data.shape[1] != width or len(data) < len(self):
+        for name in stored_object(self._file, group) if group in self._file else ():
+            data = stored_dataset(self._file, f"{group}/{name}")
+            if data.ndim != 2 or data.shape[1] != width or len(data) < len(self):
                 raise ValueError(f"{group}/{name} is not (frames, {width})")
             rows[name] = data[: len(self)]
         return rows

@@ -136,9 +136,21 @@ def points_of_interest(trajectory: Trajectory) -> np.ndarray:
     return np.concatenate([positions, np.repeat(np.concatenate(openings), max(1, len(positions)), axis=0)])
 
 
+def require_water(trajectory: Trajectory, file: Path) -> None:
+    """Require a frame with a particle.
+
+    Raises:
+        InputError: there is none.
+    """
+    if 0 in trajectory.positions.shape:
+        frames, particles, _ = trajectory.positions.shape
+        raise InputError(f"{file}: has {frames} frames of {particles} particles, so there is nothing to show")
+
+
 def write_trajectory_page(file: Path, page: Path, progress: Progress) -> Path:
     """Write the page that plays the trajectory in ``file``; returns the path of the page."""
     with Trajectory(file) as trajectory:
+        require_water(trajectory, file)
         still, moving = trajectory_meshes(trajectory)
         write_web_player(
             page,
@@ -167,6 +179,7 @@ def write_trajectory_video(
         InputError: the trajectory has fewer frames a second than the video.
     """
     with Trajectory(file) as trajectory:
+        require_water(trajectory, file)
         chosen = settings.frames(len(trajectory), trajectory.frame_time)
         renderer = TrajectoryRenderer(trajectory, settings.size, settings.direction, settings.turntable)
         images = renderer.render_many(
@@ -204,6 +217,7 @@ def write_frame_picture(file: Path, picture: Path, frame: int, settings: VideoSe
         InputError: the trajectory has no such frame.
     """
     with Trajectory(file) as trajectory:
+        require_water(trajectory, file)
         if frame >= len(trajectory):
             raise InputError(f"{file}: has the frames 0 to {len(trajectory) - 1}, not {frame}")
         renderer = TrajectoryRenderer(trajectory, settings.size, settings.direction)
