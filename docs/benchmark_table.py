@@ -25,6 +25,9 @@ ROWS = (
     "speed_networks",
     "growth",
     "at_rest",
+    "physics_archimedes",
+    "physics_floor",
+    "physics_draught",
     "dam_break",
     "stability",
 )

@@ -6,7 +6,7 @@ from surfsup.viewing import graphics
 def test_everything_is_checked_and_a_passed_check_has_no_remedy():
     checks = doctor.run_checks()
     assert [check.name for check in checks] == [
-        "Python", "torch", "native code", "processor", "weights", "neural surfaces", "graphics",
+        "Python", "torch", "native code", "processor", "speed", "weights", "neural surfaces", "graphics",
         "reference solver", "cache", "disk",
     ]  # fmt: skip
     assert all(not check.remedy for check in checks if check.passed)

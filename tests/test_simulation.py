@@ -184,3 +184,16 @@ def test_a_recording_after_steps_begins_at_the_time_of_its_first_frame(tmp_path)
         assert trajectory.start_time == pytest.approx(4 * FRAME_TIME)
     continued = Simulation(scene.with_changes(restart=tmp_path / "late.h5"), device="cpu")
     assert continued.time == pytest.approx(13 * FRAME_TIME)
+
+
+def test_another_gravity_acts_from_the_next_step_on_and_stays():
+    simulation = simulation_of()
+    simulation.set_gravity((1.0, 0.0, 0.0))
+    fallen = simulation.step()
+    np.testing.assert_allclose(
+        fallen.velocities, np.broadcast_to([FRAME_TIME, 0, 0], fallen.velocities.shape), atol=1e-6
+    )
+    simulation.reset()
+    np.testing.assert_array_equal(simulation.step().velocities, fallen.velocities)
+    with pytest.raises(InputError, match="three finite numbers"):
+        simulation.set_gravity((0.0, float("nan"), 0.0))

@@ -93,6 +93,7 @@ ALLOWED = (
     ("src/surfsup/datasets/generation/worker_pool.py", r"[Cc]ancelled", "names of the Python library and of dask"),
     ("examples/learn_to_pour.py", r"search\.(ask|tell)", "the interface of the library cma"),
     ("src/surfsup/design/baselines.py", r"strategy\.(ask|tell)", "the interface of the library cma"),
+    ("src/surfsup/sph/rigid/body.py", r"SIGGRAPH course", "the title of a publication"),
     ("src/surfsup/sdf/neural/siren.py", r"centre", "a key of files of version 0.1"),
     ("tests/sdf/neural/test_siren.py", r"centre", "a key of files of version 0.1"),
     ("*.[ch]pp", r"lock_guard", "the name of the C++ library"),

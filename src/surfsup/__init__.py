@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from surfsup.io.trajectory import Trajectory
     from surfsup.scene import Block, Container, Drain, Fill, ParticleFile, Scene, Tap, load_mesh
     from surfsup.scene.pose import Pose
+    from surfsup.scene.wrench import Wrench
     from surfsup.sdf import (
         Bowl,
         Box,
@@ -50,6 +51,7 @@ _MODULES = {
     "export": "exporting.export",
     **dict.fromkeys(("Block", "Container", "Drain", "Fill", "ParticleFile", "Scene", "Tap", "load_mesh"), "scene"),
     "Pose": "scene.pose",
+    "Wrench": "scene.wrench",
     **dict.fromkeys(("Bowl", "Box", "CappedCone", "Cylinder", "Difference", "Funnel", "Heightfield"), "sdf"),
     **dict.fromkeys(("Intersection", "Sphere", "Surface", "Torus", "Transformed", "Union"), "sdf"),
     **dict.fromkeys(("Frame", "Simulation", "SimulationState"), "simulation"),
@@ -86,6 +88,7 @@ __all__ = [
     "Transformed",
     "Union",
     "Worlds",
+    "Wrench",
     "__version__",
     "datasets",
     "design",

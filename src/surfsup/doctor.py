@@ -6,12 +6,14 @@ import os
 import platform
 import shutil
 import sys
+import time
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 
 from surfsup import __version__
 from surfsup.errors import InputError
 
+WARM_UP_FRAMES, TIMED_FRAMES = 10, 30
 REINSTALL = "pip install --force-reinstall surfsup"
 
 
@@ -36,7 +38,7 @@ def run_checks() -> list[Check]:
     """Check everything that surfsup uses."""
     shipped = [check_weights(), check_neural_surfaces()]
     hardware = [check_python(), check_torch(), check_native_code(), check_processor()]
-    return [*hardware, *shipped, check_graphics(), check_reference_solver(), check_cache(), check_disk()]
+    return [*hardware, check_speed(), *shipped, check_graphics(), check_reference_solver(), check_cache(), check_disk()]
 
 
 def check_python() -> Check:
@@ -68,6 +70,25 @@ def check_native_code() -> Check:
         "not built, because there was no C++ compiler: on a CPU a frame takes several times as long",
         "apt-get install g++ python3-dev, then reinstall surfsup: rm -f .venv/ready && make setup",
     )
+
+
+def check_speed() -> Check:
+    """The time of a frame, measured."""
+    from surfsup.scene import FRAME_TIME, Block, Scene
+    from surfsup.sdf import Sphere, Transformed
+    from surfsup.simulation import Simulation
+
+    ball = Transformed(Sphere(0.3), translation=(0, 0, 0.3))
+    scene = Scene(surface=ball, fluid=[Block((-0.2, -0.2, 0.62), (0.2, 0.2, 1.1))])
+    simulation = Simulation(scene)
+    for _ in range(WARM_UP_FRAMES):
+        simulation.step()
+    began = time.perf_counter()
+    for _ in range(TIMED_FRAMES):
+        frame = simulation.step()
+    milliseconds = 1000 * (time.perf_counter() - began) / TIMED_FRAMES
+    scene_text = f"{1000 * FRAME_TIME:g} ms of {len(frame.positions):,} particles on a ball"
+    return Check("speed", True, f"a frame of {scene_text} takes {milliseconds:.1f} ms")
 
 
 def check_processor() -> Check:

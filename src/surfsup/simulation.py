@@ -18,15 +18,22 @@ from surfsup.scene import FRAME_TIME, InitialParticles, Scene
 from surfsup.scene.pose import NO_ROTATION, Pose, between
 from surfsup.scene.solids import Solids
 from surfsup.scene.tap_checks import check_taps_and_drains
+from surfsup.scene.wrench import Wrench
 from surfsup.sph.collision import resolve_collisions
 from surfsup.sph.device import choose_device
 from surfsup.sph.environment import Environment
 from surfsup.sph.interpolation import ROUNDING, hermite
+from surfsup.sph.mean_forces import MeanForces
 from surfsup.sph.moving import FrameMotion, MovingSolids
 from surfsup.sph.open_water import OpenState, Passages, WithTaps, common_particles
+from surfsup.sph.rigid.bodies import RigidBodies
+from surfsup.sph.rigid.body import BodyState
 from surfsup.sph.scene_motion import SceneMotion, warn_jumps
 from surfsup.sph.settle import start_of
 from surfsup.sph.simulator import FluidState, Simulator
+
+COUPLINGS = 5  # of rigid bodies and water in a frame
+NO_FORCES: Mapping[str, Wrench] = {}
 
 
 @dataclass(frozen=True)
@@ -39,6 +46,8 @@ class Frame:
         velocities: (N, 3) float32, m/s.
         poses: of the solids that move, and of a container that moves, by name.
         ids: (N,) int64, ascending; a particle keeps its id. 0 to N - 1 where water neither enters nor leaves.
+        forces: force and torque of the fluid on the solids that the scene names under ``forces``, mean over the time
+            since the frame before. The first frame has none.
 
     Examples:
         >>> import surfsup as sf
@@ -53,6 +62,7 @@ class Frame:
     velocities: np.ndarray
     poses: Mapping[str, Pose] = field(default_factory=dict)
     ids: np.ndarray = field(default_factory=lambda: np.empty(0, np.int64))
+    forces: Mapping[str, Wrench] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -64,6 +74,8 @@ class SimulationState:
         fluid: the simulator's own state, with tensors ``positions`` and ``velocities`` (N, 3), in the units of the
             simulator (:class:`surfsup.scene.Units`); with particles of 15 mm these are meters and m/s.
         poses: of all that moves, by name, in the units of the scene.
+        forces: on the solids in the last step, mean, by name, in the units of the scene.
+        bodies: velocities and accelerations of the rigid bodies by name, in the units of the scene.
 
     Examples:
         >>> import surfsup as sf
@@ -78,6 +90,8 @@ class SimulationState:
     frame: int
     fluid: FluidState
     poses: Mapping[str, Pose] = field(default_factory=dict)
+    forces: Mapping[str, Wrench] = field(default_factory=dict)
+    bodies: Mapping[str, BodyState] = field(default_factory=dict)
 
 
 class Simulation:
@@ -99,7 +113,8 @@ class Simulation:
         particles: of the first frame.
 
     Raises:
-        InputError: simulator, device or a file of the scene cannot be used, or no particle is left.
+        InputError: simulator, device or a file of the scene cannot be used, no particle is left, or a rigid body has no
+            volume or overlaps another solid.
 
     Examples:
         >>> import surfsup as sf
@@ -125,8 +140,11 @@ class Simulation:
         self.name = simulator if isinstance(simulator, str) else type(simulator).__name__
         if isinstance(simulator, str):
             simulator, _ = load_simulator(simulator)
-        self._device = choose_device("cpu" if device is None and scene.moves else device)
+        self._device = choose_device("cpu" if device is None and scene.needs_native else device)
+        if scene.forces and not simulator.measures_forces:
+            raise InputError(f"{self.name} computes no forces on solids; use the simulator dfsph, or omit 'forces'")
         self._start_time = scene.start_time
+        self._gravity: torch.Tensor | None = None  # of set_gravity
         self.motion = SceneMotion(scene)
         if scene.is_open:
             check_taps_and_drains(scene, self.motion.solids)
@@ -142,7 +160,9 @@ class Simulation:
             torch.from_numpy(values).to(self._device) for values in (start.positions, start.velocities)
         )
         fluid = self._simulator.initial_state(positions, velocities, self._environment)
-        self._start = SimulationState(0, fluid, self.motion.solids.poses(self._start_time))
+        self._bodies = RigidBodies(scene, self.motion.solids)
+        poses = self.motion.solids.poses(self._start_time)
+        self._start = SimulationState(0, fluid, poses, bodies=self._bodies.start())
         self._state = self._start
 
     @property
@@ -158,8 +178,9 @@ class Simulation:
     @property
     def frame(self) -> Frame:
         """The particles now."""
-        fluid = self._state.fluid
-        return self._as_frame(self.time, fluid.positions, fluid.velocities, self._state.poses, ids_of(fluid))
+        state = self._state
+        fluid = state.fluid
+        return self._as_frame(self.time, fluid.positions, fluid.velocities, state.poses, ids_of(fluid), state.forces)
 
     def reset(self, state: SimulationState | None = None) -> None:
         """Return to an earlier state of this simulation, or of one of the same scene; by default to the start.
@@ -190,15 +211,39 @@ class Simulation:
         Raises:
             SimulationError: the simulation failed: particles are at infinity or collapsed into a clump.
         """
-        number, environment = self._state.frame + 1, self._environment
-        poses = self.motion.next_poses(self._state.poses, self._start_time + number * self._units.frame_time)
-        if environment.moving is not None:
-            motion = self._motion_between(environment.moving, self._state.poses, poses)
-            warn_jumps(motion, number, self._units)
-            environment = environment.moved(motion)
-        fluid, _ = self._simulator.step(self._state.fluid, environment, self.handle_collisions)
-        self._state = SimulationState(number, fluid, poses)
+        if not self._free(self._state):
+            self._state = self._advance(self._state, 1.0, self._state.frame + 1)
+            return self.frame
+        state, forces = self._state, MeanForces()
+        for part in range(1, COUPLINGS + 1):
+            state = self._advance(state, 1 / COUPLINGS, self._state.frame + part / COUPLINGS)
+            forces.add(part, state.forces)
+        self._state = replace(state, frame=self._state.frame + 1, forces=forces.mean(0, COUPLINGS))
         return self.frame
+
+    def _free(self, state: SimulationState) -> dict[str, BodyState]:
+        """The rigid bodies that move freely."""
+        return {name: body for name, body in state.bodies.items() if name not in self.motion.driven}
+
+    def _advance(self, state: SimulationState, part: float, end: float) -> SimulationState:
+        """The state after a part of a frame, which ends at frame ``end``; its number stays for all but the whole."""
+        environment, time = self._environment, part * self._units.frame_time
+        poses = self.motion.next_poses(state.poses, self._start_time + end * self._units.frame_time)
+        bodies = self._free(state)
+        if bodies:
+            bodies = self._bodies.advanced(bodies, self.motion.solids, state.poses, poses, time)
+            poses = {**poses, **{name: body.pose for name, body in bodies.items()}}
+        if environment.moving is not None:
+            motion = self._motion_between(environment.moving, state.poses, poses, part)
+            warn_jumps(motion, math.ceil(end), self._units)
+            environment = environment.moved(motion)
+        if self.scene.forces or bodies:
+            environment = environment.measured()
+        fluid, _ = self._simulator.step(state.fluid, environment, self.handle_collisions)
+        impulses = environment.impulses
+        forces = {} if impulses is None else impulses.wrenches(self._units, self.scene.density, part)
+        number = state.frame + 1 if part == 1 else state.frame
+        return SimulationState(number, fluid, poses, forces, self._bodies.pushed(bodies, forces))
 
     def set_pose(
         self, name: str, position: Sequence[float] | np.ndarray, rotation: Sequence[float] | np.ndarray = NO_ROTATION
@@ -233,10 +278,24 @@ class Simulation:
         self._state = replace(self._state, poses={name: rest[name], **self._state.poses})
         self._start = replace(self._start, poses=rest)
 
+    def set_gravity(self, gravity: Sequence[float] | np.ndarray) -> None:
+        """Let another gravity (3,) in m/s² act from the next step on; :meth:`reset` keeps it.
+
+        Raises:
+            InputError: it is not three finite numbers.
+        """
+        vector = np.array(gravity, np.float32)
+        if vector.shape != (3,) or not np.isfinite(vector).all():
+            raise InputError(f"gravity is three finite numbers of m/s² (found {gravity})")
+        self._gravity = torch.from_numpy(vector).to(self._device)
+        self._environment = replace(self._environment, gravity=self._gravity)
+
     def _make_environment(self, scene_solids: Solids) -> Environment:
         solids = self._units.solids_to_solver(scene_solids, self._start_time)
         solver_scene = self._units.scene_to_solver(self.scene)
         environment = Environment.of(solver_scene, solids.still, self._device, solids)
+        if self._gravity is not None:
+            environment = replace(environment, gravity=self._gravity)
         self._simulator.check_knows(environment)
         return environment
 
@@ -293,16 +352,20 @@ class Simulation:
         frames, count = self.run(seconds), self.most_ids(seconds)
         with TrajectoryWriter(Path(path), self.scene, Provenance(self.name), count, start_time=self.time) as writer:
             for frame in frames:
-                writer.append(frame.positions, frame.velocities, frame.poses, frame.ids)
+                writer.append(frame.positions, frame.velocities, frame.poses, frame.ids, frame.forces)
 
     def _frames(self, first: int, steps: float, interval: float) -> Iterator[Frame]:
-        before = self._state
+        before, means = self._state, MeanForces()
         for number in range(math.ceil(steps / interval - ROUNDING)):
             target = first + number * interval
             while self._state.frame < target - ROUNDING:
                 before = self._state
                 self.step()
-            yield self._between(before, target)
+                means.add(self._state.frame, self._state.forces)
+            frame = self._between(before, target)
+            yield (
+                frame if number == 0 else replace(frame, forces=self._requested(means.mean(target - interval, target)))
+            )
         while self._state.frame < first + steps - ROUNDING:
             self.step()
 
@@ -334,6 +397,11 @@ class Simulation:
         before, after = ({name: self._units.pose_to_solver(pose) for name, pose in of.items()} for of in (start, end))
         return moving.between(before, after, part * FRAME_TIME)
 
+    def _requested(self, forces: Mapping[str, Wrench]) -> Mapping[str, Wrench]:
+        """The forces on the solids that the scene names."""
+        names = self.scene.solid_names if self.scene.forces == "all" else self.scene.forces
+        return {name: forces[name] for name in names if name in forces}
+
     def _as_frame(
         self,
         time: float,
@@ -341,10 +409,11 @@ class Simulation:
         velocities: torch.Tensor,
         poses: Mapping[str, Pose],
         ids: np.ndarray,
+        forces: Mapping[str, Wrench] = NO_FORCES,
     ) -> Frame:
         """A frame with copies of the particles as NumPy arrays, in the units of the scene."""
         arrays = (values.detach().float().cpu().numpy().copy() for values in (positions, velocities))
-        return Frame(time, *self._units.frame_from_solver(*arrays), poses, ids)
+        return Frame(time, *self._units.frame_from_solver(*arrays), poses, ids, self._requested(forces))
 
 
 def ids_of(fluid: FluidState) -> np.ndarray:

@@ -36,7 +36,7 @@ def test_radius_rate_and_duration_are_in_the_trajectory_and_in_its_page(scene, t
         count = trajectory.positions.shape[1]
     assert json.loads((tmp_path / "a" / "summary.json").read_text())["penetrations"] == 0
     page = (tmp_path / "a" / "page.html").read_text()
-    assert '"frameTime": 0.01' in page and '"radius": 0.01' in page
+    assert '"frameTime":0.01' in page and '"radius":0.01' in page
     assert simulate(scene, tmp_path / "b").returncode == 0
     with Trajectory(tmp_path / "b" / "trajectory.h5") as trajectory:
         assert trajectory.frame_time == 0.005 and trajectory.positions.shape[1] < count

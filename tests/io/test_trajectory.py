@@ -20,6 +20,7 @@ from surfsup.io.trajectory import (
 )
 from surfsup.scene import Scene
 from surfsup.scene.pose import Pose
+from surfsup.scene.wrench import Wrench
 
 PARTICLES = 20
 SCENE = Scene.from_yaml(
@@ -350,6 +351,45 @@ def test_the_trajectory_that_a_scene_continues_is_not_replaced(tmp_path):
         with pytest.raises(InputError, match="is the trajectory that the scene continues; write to another file"):
             TrajectoryWriter(tmp_path / "a.h5", SCENE.with_changes(restart=restart), Provenance("a model"), PARTICLES)
     assert (tmp_path / "a.h5").read_bytes() == before
+
+
+def test_forces_are_kept_by_name_and_are_unknown_in_the_first_frame(tmp_path):
+    path, count = tmp_path / "trajectory.h5", FRAMES_PER_FLUSH + 3
+    positions, velocities = frames(count)
+    rows = np.random.default_rng(1).normal(size=(count, 2, 3))
+    with writer(path) as writing:
+        for number in range(count):
+            forces = {} if number == 0 else {"ball": Wrench(*rows[number])}
+            writing.append(positions[number], velocities[number], forces=forces)
+    with Trajectory(path) as trajectory:
+        for values, column in ((trajectory.forces, 0), (trajectory.torques, 1)):
+            assert list(values) == ["ball"] and values["ball"].shape == (count, 3)
+            assert np.isnan(values["ball"][0]).all()
+            np.testing.assert_array_equal(values["ball"][1:], rows[1:, column])
+    with h5py.File(path) as file:
+        assert file["00000/forces/ball"].shape == file["00000/torques/ball"].shape == (count, 3)
+
+
+def test_a_file_without_forces_has_none(tmp_path):
+    path = tmp_path / "trajectory.h5"
+    positions, velocities = frames(2)
+    with writer(path) as writing:
+        writing.append(positions[0], velocities[0])
+    with h5py.File(path) as file:
+        assert "forces" not in file["00000"]
+    with Trajectory(path) as trajectory:
+        assert trajectory.forces == trajectory.torques == {}
+
+
+def test_forces_of_another_shape_are_an_error_of_one_line(tmp_path):
+    path = tmp_path / "trajectory.h5"
+    positions, velocities = frames(2)
+    with writer(path) as writing:
+        writing.append(positions[0], velocities[0])
+    with h5py.File(path, "a") as file:
+        file["00000/forces/ball"] = np.zeros((2, 4))
+    with pytest.raises(InputError, match="is not \\(frames, 3\\)"):
+        Trajectory(path)
 
 
 def test_a_run_that_fails_leaves_the_older_trajectory_and_keeps_its_own_frames_beside_it(tmp_path):

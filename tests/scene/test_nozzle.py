@@ -12,7 +12,8 @@ SPACING = 0.03
 
 
 def nozzle(interval=0.1, start=0.0, until=math.inf):
-    return Nozzle(np.zeros((4, 3)), np.array([0.0, 0.0, -1.0]), interval, start, until, guide=0.06)
+    half = np.array([0.05, 0.05])
+    return Nozzle(np.zeros(3), nozzle_axes((0, 0, -1)), np.zeros((4, 2)), half, True, 1.0, interval, start, until, 0.06)
 
 
 @given(st.floats(0.016, 0.4))

@@ -43,7 +43,7 @@ def test_an_unknown_key_is_reported_with_the_closest_valid_one(text, key, neares
 def test_an_unknown_key_without_a_close_match_is_reported_with_all_valid_keys():
     assert message(WATER + "qqq: 1") == (
         "unknown key 'qqq'; known are container, surface, surfaces, fluid, gravity, frames, particle_radius, fps, "
-        "duration, restart, taps, drains"
+        "duration, restart, taps, drains, forces, density"
     )
 
 

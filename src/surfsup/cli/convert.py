@@ -1,4 +1,4 @@
-"""`surfsup convert`: scenes of SPlisHSPlasH."""
+"""`surfsup convert`: scenes of SPlisHSPlasH, and assemblies of meshes."""
 
 from __future__ import annotations
 
@@ -7,21 +7,32 @@ from typing import Annotated
 
 import typer
 
+from surfsup.cli.options import UpAxis, positive_length
 from surfsup.errors import InputError
 
 NAMED = 5  # missing things that the message lists
 
 
 def convert(
-    scene: Annotated[Path, typer.Argument(metavar="SCENE", help="A scene of SPlisHSPlasH (.json) or of ours (.yaml).")],
+    scene: Annotated[
+        Path,
+        typer.Argument(
+            metavar="SCENE",
+            help="A scene of SPlisHSPlasH (.json) or of ours (.yaml); or a folder of meshes or a glTF scene.",
+        ),
+    ],
     out: Annotated[Path, typer.Option("-o", "--out", help="The new file: .yaml, or .json for SPlisHSPlasH.")],
     partial: Annotated[bool, typer.Option("--partial", help="Leave out what the other program does not have.")] = False,
+    fit: Annotated[float, typer.Option(help="Largest extent of an assembly in meters.")] = 0.7,
+    no_fit: Annotated[bool, typer.Option("--no-fit", help="Keep the coordinates of an assembly, in meters.")] = False,
+    up: UpAxis = None,
 ) -> None:
-    """Convert a scene from or to SPlisHSPlasH.
+    """Convert a scene from or to SPlisHSPlasH, or the parts of an assembly to solids by name.
 
     Example: surfsup convert DamBreakModelDragons.json -o dragons.yaml
     """
     from surfsup.scene import Scene
+    from surfsup.scene.assembly import GLTF, write_assembly
     from surfsup.splishsplash.scene_export import export_scene
     from surfsup.splishsplash.scene_import import import_scene
 
@@ -35,6 +46,10 @@ def convert(
             out.write_text(converted.text, encoding="utf-8")
         except OSError as error:
             raise InputError(f"{out}: cannot be written ({error.strerror})") from None
+    elif (scene.is_dir() or kinds[0] in GLTF) and kinds[1] in yaml:
+        parts = write_assembly(scene, out, None if no_fit else positive_length(fit), up)
+        missing = []
+        typer.echo(f"solids {', '.join(parts)}")
     elif kinds[0] in yaml and kinds[1] == ".json":
         ours = Scene.load(scene)
         other = "a scene file of SPlisHSPlasH"

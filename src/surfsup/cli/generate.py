@@ -24,6 +24,7 @@ RECIPE_NAMES = (
     "tanks",
     "hills",
     "stirring",
+    "taps",
 )
 
 

@@ -54,6 +54,7 @@ SimulatorName = Annotated[
 ]
 NoCollisions = Annotated[bool, typer.Option("--no-collisions", help="Turn collision handling off.")]
 NoVideos = Annotated[bool, typer.Option("--no-video", help="Omit the videos.")]
+AsJson = Annotated[bool, typer.Option("--json", help="Print the result as JSON, for programs.")]
 Device = Annotated[str | None, typer.Option(help="cpu or cuda; by default a GPU if there is one.")]
 Workers = Annotated[int | None, typer.Option(help="Parallel simulations on this machine; 2 by default.")]
 Scheduler = Annotated[

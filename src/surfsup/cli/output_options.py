@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import json
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from surfsup.cli.locks import hold_lock
+from surfsup.cli.options import AsJson
 from surfsup.cli.progress import progress_bar
 from surfsup.cli.status import after_interrupt
 
 if TYPE_CHECKING:
+    from surfsup.exporting.export import Export
     from surfsup.io.output_folder import OutputFolder, Summary
 
 
@@ -25,6 +28,13 @@ class OutputOptions:
     no_video: Annotated[bool, typer.Option("--no-video", help="Omit video.mp4.")] = False
     export: Annotated[str | None, typer.Option(metavar="FORMAT", help="Export too; see surfsup export.")] = None
     export_fps: Annotated[float, typer.Option(help="Frames per second of the export.")] = 24.0
+    as_json: AsJson = False
+
+    def interrupted(self, source: Path) -> Path:
+        """The trajectory of the run of ``source`` that was interrupted: beside an older one, or alone."""
+        folder = self.out or Path("out") / source.stem
+        beside = folder / "trajectory.new.h5"
+        return beside if beside.exists() else folder / "trajectory.h5"
 
     def create_folder(self, source: Path, particles: int, frames: int) -> OutputFolder:
         """Create the output folder of a simulation of ``source``, and keep other runs out of it.
@@ -64,27 +74,44 @@ class OutputOptions:
             if not self.no_video:
                 with progress_bar("rendering the video") as bar:
                     write_trajectory_video(folder.trajectory, folder.video, bar)
+            done = self._export(folder)
+        files = {"trajectory": folder.trajectory}
+        files |= {} if self.no_page else {"page": folder.page}
+        files |= {} if self.no_video else {"video": folder.video}
+        if self.as_json:
+            exported = [] if done is None else [str(file) for file in done.files]
+            result = {
+                **asdict(summary),
+                "excluded": excluded,
+                "files": {name: str(file) for name, file in files.items()},
+            }
+            typer.echo(json.dumps({**result, "exported": exported}, indent=2))
+            return
         if excluded:
             typer.echo(f"{excluded} particles that overlap the solid or each other at the start were omitted")
         if summary.entered or summary.left:
             typer.echo(f"{summary.entered} particles entered through taps, {summary.left} left through drains")
         typer.echo(
             f"{summary.particles} particles, {summary.frames} frames in {summary.seconds:.1f} s "
-            f"({summary.ms_per_frame:.1f} ms per frame); {summary.penetrations} in the solid, "
+            f"({summary.start_up:.1f} s to start, {summary.ms_per_frame:.1f} ms per frame, "
+            f"{summary.writing:.1f} s to write); {summary.penetrations} in the solid, "
             f"{summary.out_of_container} out of the container"
         )
-        typer.echo(f"trajectory  {folder.trajectory}")
-        if not self.no_page:
-            typer.echo(f"page        {folder.page}  (open it in a browser, no network needed)")
-        if not self.no_video:
-            typer.echo(f"video       {folder.video}")
-        if self.export:
+        for name, file in files.items():
+            remark = "  (open it in a browser, no network needed)" if name == "page" else ""
+            typer.echo(f"{name:10}  {file}{remark}")
+        if done is not None:
             from surfsup.cli.export import print_export
-            from surfsup.exporting.export import export
 
-            with progress_bar(f"exporting {self.export}") as bar:
-                folder_name = folder.path / "export"
-                done = export(
-                    folder.trajectory, self.export, folder_name, self.export_fps, overwrite=True, progress=bar
-                )
             print_export(done)
+
+    def _export(self, folder: OutputFolder) -> Export | None:
+        """Write the export, if one was requested."""
+        from surfsup.exporting.export import export
+
+        if self.export is None:
+            return None
+        with progress_bar(f"exporting {self.export}") as bar:
+            return export(
+                folder.trajectory, self.export, folder.path / "export", self.export_fps, overwrite=True, progress=bar
+            )

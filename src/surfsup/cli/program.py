@@ -25,7 +25,9 @@ from surfsup.cli.evaluate import evaluate
 from surfsup.cli.examples import examples
 from surfsup.cli.export import export
 from surfsup.cli.fit import fit
+from surfsup.cli.forces import forces
 from surfsup.cli.generate import floor, generate
+from surfsup.cli.live import live
 from surfsup.cli.locks import held_locks
 from surfsup.cli.option_groups import expand_option_groups
 from surfsup.cli.options import split_vectors
@@ -45,7 +47,7 @@ app = typer.Typer(
     rich_markup_mode=None,
 )
 
-WATER = (simulate, examples, sweep, reference, compare, view, render, export, convert)
+WATER = (simulate, examples, sweep, reference, compare, live, view, render, forces, export, convert)
 LEARNING = (generate, floor, train, evaluate, design)
 for verb in (*WATER, *LEARNING, doctor):
     app.command()(expand_option_groups(verb))

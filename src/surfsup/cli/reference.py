@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+import warnings
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from surfsup.cli.output_options import OutputOptions
 from surfsup.cli.progress import progress_bar
 from surfsup.cli.scene_options import SceneOptions
+
+if TYPE_CHECKING:
+    from surfsup.io.output_folder import OutputFrame
 
 
 def reference(
@@ -32,6 +37,10 @@ def reference(
     from surfsup.splishsplash.entering_water import with_ids
 
     scene = scene_options.read()
+    if scene.forces:
+        warnings.warn("the reference records no forces on solids; the solver dfsph does", stacklevel=1)
+    if scene.flush:
+        warnings.warn("the reference keeps its water off flush surfaces, too", stacklevel=1)
     solids = build_solids(scene)
     start_time = scene.start_time
     check_taps_and_drains(scene, solids)
@@ -40,8 +49,8 @@ def reference(
     warn_compressed_start(scene, particles)
     most = len(particles.positions) + entering_particles(scene)
     folder = output.create_folder(scene_options.source, most, scene.frames)
-    frames = (
-        with_ids(scene, *frame, solids.poses(start_time + number * scene.frame_time))
+    frames: Iterator[OutputFrame] = (
+        (*with_ids(scene, *frame, solids.poses(start_time + number * scene.frame_time)), {})
         for number, frame in enumerate(solver.simulate(scene, solids.still, particles, threads))
     )
     with progress_bar("simulating with SPlisHSPlasH") as bar:

@@ -88,7 +88,7 @@ class SceneOptions:
         placement = Placement(None if self.no_fit else fit, self.up, self.turn, at, self.shape, self.thicken)
         radius = self.particle_radius or PARTICLE_RADIUS
         scene, summary = scene_from_surface(self.source, placement, container, block, self.frames or 800, radius)
-        typer.echo(summary)
+        typer.echo(summary, err=True)
         return self._with_changes(scene)
 
     def _with_changes(self, scene: Scene) -> Scene:

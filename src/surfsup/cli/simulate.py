@@ -2,12 +2,21 @@
 
 from __future__ import annotations
 
+import time
 import warnings
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Annotated
+
+import typer
 
 from surfsup.cli.options import Device, NoCollisions, SimulatorName
 from surfsup.cli.output_options import OutputOptions
 from surfsup.cli.progress import progress_bar
 from surfsup.cli.scene_options import SceneOptions
+
+if TYPE_CHECKING:
+    from surfsup.io.output_folder import OutputFrame
+    from surfsup.scene import Scene
 
 
 def simulate(
@@ -16,25 +25,41 @@ def simulate(
     simulator_name: SimulatorName = "dfsph",
     device: Device = None,
     no_collisions: NoCollisions = False,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Continue an interrupted simulation in the output folder.")
+    ] = False,
 ) -> None:
     """Pour water on a surface.
 
     Example: surfsup simulate bunny.obj -o out/bunny
     """
+    from surfsup.continuation import Continuation
     from surfsup.io.trajectory import Provenance
     from surfsup.learned.loading import load_simulator
     from surfsup.simulation import Simulation
     from surfsup.sph.device import choose_device
 
+    began = time.perf_counter()
     simulator, card = load_simulator(simulator_name)
     name = card.name if card else simulator_name
     scene = scene_options.read()
-    device = choose_device("cpu" if device is None and scene.moves else device)  # moving solids run on CPUs only
+    device = choose_device("cpu" if device is None and scene.needs_native else device)
     if card and card.training_domain and (warning := card.training_domain.warning(scene)):
         warnings.warn(warning, stacklevel=1)
-    simulation = Simulation(scene, simulator, device, handle_collisions=not no_collisions)
-    folder = output.create_folder(scene_options.source, simulation.most_ids(), scene.frames)
-    frames = ((frame.positions, frame.velocities, frame.poses, frame.ids) for frame in simulation.run())
+
+    def simulation_of(part: Scene) -> Simulation:
+        return Simulation(part, simulator, device, handle_collisions=not no_collisions)
+
+    frames: Iterator[OutputFrame]
+    if resume:
+        rest = Continuation(output.interrupted(scene_options.source), scene, simulation_of)
+        simulation, most_ids, frames = rest.simulation, rest.most_ids, rest.frames()
+    else:
+        simulation = simulation_of(scene)
+        most_ids = simulation.most_ids()
+        run = simulation.run()
+        frames = ((frame.positions, frame.velocities, frame.poses, frame.ids, frame.forces) for frame in run)
+    folder = output.create_folder(scene_options.source, most_ids, scene.frames)
     with progress_bar(f"simulating with {name}") as bar:
-        summary = folder.record(scene, simulation.motion.solids, frames, Provenance(name), device, bar)
+        summary = folder.record(scene, simulation.motion.solids, frames, Provenance(name), device, bar, began)
     output.finish(folder, summary, simulation.particles.excluded)

@@ -81,6 +81,10 @@ class GradientCheck:
         }
         return agrees
 
+    def forget(self) -> None:
+        """Expect nothing of the next design: the search has jumped."""
+        self.previous, self.failures, self.stalls = {}, 0, 0
+
     def measure(
         self, optimizer: Optimizer, gradient: Tensor, reward: float, score: Score, random: np.random.Generator
     ) -> MeasuredGradient:

@@ -96,6 +96,15 @@ class Optimizer:
             "step": self.vector - before,
         }
 
+    def jump_to(self, vector: Tensor) -> None:
+        """Continue from another design (P,). The usual slope stays, the direction is forgotten."""
+        self.values = {
+            name: freeze(self.parameters[name], self.values[name].detach(), value).requires_grad_()
+            for name, value in self.space.to_values(vector).items()
+        }
+        forgotten = ("mean", "weight", "gradient", "step")
+        self.state |= {name: torch.zeros_like(self.state[name]) for name in forgotten}
+
     def clip_factor(self, norm: float) -> float:
         """The factor that clips a gradient of this norm; 0 if it is not finite."""
         if not math.isfinite(norm):

@@ -10,8 +10,9 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from surfsup.design.exploration import explore, is_due
 from surfsup.design.gradient_check import GradientCheck
-from surfsup.design.history import DesignHistory
+from surfsup.design.history import MIN_IMPROVEMENT, DesignHistory
 from surfsup.design.optimizer import Optimizer
 from surfsup.design.parameter import start_values
 from surfsup.design.rollout import GradientNotFinite
@@ -90,6 +91,18 @@ class DesignRun(DesignHistory):
             measured = self.gradient_check.measure(self.optimizer, gradient, current, score, random)
             gradient, known_step, reliable = measured.gradient, measured.step_to_maximum, True
         self.optimizer.step(gradient, reliable, known_step)
+        if is_due(self.rewards):
+            self.explore(self.score_without_gradient(state))
+
+    def explore(self, score: Callable[[Tensor], float | None]) -> None:
+        """Continue from elsewhere in the range if a design there is better than all so far."""
+        space = self.optimizer.space
+        best = space.to_vector(self.designs[self.best])
+        found = explore(space, best, score, [self.seed, self.optimizer.iteration, 2])
+        needed = MIN_IMPROVEMENT * (max(self.rewards) - self.rewards[0])
+        if found is not None and found[1] > max(self.rewards) + needed:
+            self.optimizer.jump_to(found[0])
+            self.gradient_check.forget()
 
     def score_without_gradient(self, state: ParticleState) -> Callable[[Tensor], float | None]:
         """The reward as a function of the parameter vector (P,); None where it is undefined. It counts simulations."""

@@ -21,10 +21,12 @@ from surfsup.io.trajectory import Provenance, TrajectoryWriter
 from surfsup.scene import Container, Scene
 from surfsup.scene.pose import Pose
 from surfsup.scene.solids import CONTAINER, Solids
+from surfsup.scene.wrench import Wrench
 
 BYTES_PER_VALUE = 4
-# Positions and velocities (N, 3), the poses of what moves, and ids (N,), or None where no water enters or leaves.
-OutputFrame = tuple[np.ndarray, np.ndarray, Mapping[str, Pose], np.ndarray | None]
+# Positions and velocities (N, 3), the poses of what moves, ids (N,) of the particles, or None where no water enters or
+# leaves, and the forces on solids.
+OutputFrame = tuple[np.ndarray, np.ndarray, Mapping[str, Pose], np.ndarray | None, Mapping[str, Wrench]]
 
 
 @dataclass(frozen=True)
@@ -34,8 +36,10 @@ class Summary:
     Attributes:
         particles, frames: numbers of particles and frames.
         entered, left: numbers of particles that came through taps and left through drains.
-        seconds: wall-clock time of simulating and writing.
-        ms_per_frame: time of the simulator per frame, without its setup.
+        seconds: wall-clock time in all, the sum of the next three with ``frames - 2`` times ``ms_per_frame``.
+        start_up: seconds until the second frame: files, distances, boundary volume maps, first touches of memory.
+        ms_per_frame: time of the simulator for each frame after the second.
+        writing: seconds of counting penetrations and writing frames.
         penetrations: number of particles inside the solid, summed over frames.
         out_of_container: number of particles outside the container, summed over frames.
         model: name of the simulator.
@@ -46,7 +50,9 @@ class Summary:
     particles: int
     frames: int
     seconds: float
+    start_up: float
     ms_per_frame: float
+    writing: float
     penetrations: int
     out_of_container: int
     model: str
@@ -105,6 +111,7 @@ class OutputFolder:
         provenance: Provenance,
         device: str,
         on_progress: Callable[[int, int], None],
+        began: float | None = None,
     ) -> Summary:
         """Write the frames while the simulator computes them, then the summary.
 
@@ -118,12 +125,13 @@ class OutputFolder:
             provenance: simulator, seed and version.
             device: device of the simulation, for the summary.
             on_progress: called after each frame with the numbers of finished frames and of all frames.
+            began: when the start-up began, by ``time.perf_counter``; now by default.
 
         Raises:
             InputError: the trajectory cannot be written.
             Interrupted: the user interrupted the simulation after its first frame.
         """
-        began, simulating = time.perf_counter(), 0.0
+        began, simulating, writing = time.perf_counter() if began is None else began, 0.0, 0.0
         counts: list[tuple[int, int]] = []  # per frame: particles in the solid, particles out of the container
         source = iter(frames)
         penetrations_of = PenetrationCounter(scene.container, solids)
@@ -133,13 +141,15 @@ class OutputFolder:
                 while True:
                     before = time.perf_counter()
                     frame = next(source, None)
+                    there = time.perf_counter()
                     # The step to frame 1 includes the setup: boundary volume maps, first touches of memory.
-                    simulating += time.perf_counter() - before if writer.frames > 1 else 0.0
+                    simulating += there - before if writer.frames > 1 else 0.0
                     if frame is None:
                         break
                     counts.append(penetrations_of.count(frame[0], frame[2]))
                     writer.append(*frame)
                     on_progress(writer.frames, scene.frames)
+                    writing += time.perf_counter() - there
         except KeyboardInterrupt:
             if not writer.frames:
                 raise
@@ -152,7 +162,9 @@ class OutputFolder:
             summary = Summary(
                 particles=writer.particles,
                 frames=done,
-                seconds=round(time.perf_counter() - began, 2),
+                seconds=round(seconds := time.perf_counter() - began, 2),
+                start_up=round(seconds - simulating - writing, 2),
+                writing=round(writing, 2),
                 ms_per_frame=round(1000 * simulating / max(1, done - 2), 3),
                 penetrations=penetrations,
                 out_of_container=out_of_container,

@@ -25,6 +25,7 @@ from surfsup.io.checked_dataset import check_written, stored_dataset, stored_obj
 from surfsup.io.reserved_space import ReservedSpace
 from surfsup.scene import Scene
 from surfsup.scene.pose import Pose
+from surfsup.scene.wrench import Wrench
 
 GROUP = "00000"
 POSES = (
@@ -33,6 +34,9 @@ POSES = (
 LIFETIMES = (
     f"{GROUP}/lifetime"  # data set (particles, 2) where water enters or leaves: first frame, frame after the last
 )
+# Groups with a data set (frames, 3) for each solid whose force is recorded: N, and N m about the solid's origin. NaN in
+# the first frame, which has none.
+WRENCHES = (f"{GROUP}/forces", f"{GROUP}/torques")
 FRAMES_PER_CHUNK = 2  # larger chunks compress better (8: 0.66 instead of 0.72), but windows then read unused frames
 FRAMES_PER_FLUSH = 8
 COMPRESSION_LEVEL = 2  # of ISA-L
@@ -158,6 +162,9 @@ class Trajectory(TrajectoryFrames):
         start_time: seconds, of the first frame; above 0 where the scene continues another trajectory, or was
             recorded after some steps.
         radius: particle radius in meters.
+        forces: (frames, 3) float64 in N by name, of the fluid on the solids that the scene names, mean since the frame
+            before; NaN in the first frame. Empty in a file without any.
+        torques: (frames, 3) float64 in N m, likewise, about the origin of the solid.
         poses: (frames, 7) float64 by name, of every solid that moves, and of a container that moves: position x, y, z
             in meters and rotation, a unit quaternion w, x, y, z. Empty in a file without any.
 
@@ -177,14 +184,18 @@ class Trajectory(TrajectoryFrames):
         self.frame_time, self.radius = float(attributes["frame_time"]), float(attributes["radius"])
         self.start_time = float(attributes.get("start_time", 0.0))
         self.provenance = Provenance(str(attributes["model"]), int(attributes["seed"]), str(attributes["version"]))
-        names = stored_object(self._file, POSES) if POSES in self._file else ()
-        self.poses = {name: self._poses_of(name) for name in names}
+        self.poses = self._rows_by_name(POSES, 7)
+        self.forces, self.torques = (self._rows_by_name(group, 3) for group in WRENCHES)
 
-    def _poses_of(self, name: str) -> np.ndarray:
-        data = stored_dataset(self._file, f"{POSES}/{name}")
-        if data.ndim != 2 or data.shape[1] != 7 or len(data) < len(self):
-            raise ValueError(f"pose of {name} is not (frames, 7)")
-        return data[: len(self)]
+    def _rows_by_name(self, group: str, width: int) -> dict[str, np.ndarray]:
+        """The rows (frames, width) of each solid in a group."""
+        rows = {}
+        for name in stored_object(self._file, group) if group in self._file else ():
+            data = stored_dataset(self._file, f"{group}/{name}")
+            if data.ndim != 2 or data.shape[1] != width or len(data) < len(self):
+                raise ValueError(f"{group}/{name} is not (frames, {width})")
+            rows[name] = data[: len(self)]
+        return rows
 
 
 class TrajectoryWriter:
@@ -267,6 +278,7 @@ class TrajectoryWriter:
         self._poses: list[Mapping[str, Pose]] = []  # of the frames in the buffer
         # The first frame of each particle and the one after its last. All zero for those that have not yet come.
         self._lifetimes = np.zeros((particles, 2), np.int64)
+        self._forces: list[Mapping[str, Wrench]] = []
         # Frames that are not yet written, and memory to shuffle a chunk in. Reused memory stays in the cache.
         self._buffer = np.empty((2, FRAMES_PER_FLUSH, particles, 3), dtype=np.float32)
         self._shuffled = np.empty((4, FRAMES_PER_CHUNK * particles * 3), dtype=np.uint8)
@@ -303,6 +315,7 @@ class TrajectoryWriter:
         velocities: np.ndarray,
         poses: Mapping[str, Pose] | None = None,
         ids: np.ndarray | None = None,
+        forces: Mapping[str, Wrench] | None = None,
     ) -> None:
         """Append a copy of one frame.
 
@@ -311,6 +324,7 @@ class TrajectoryWriter:
             velocities: (N, 3), m/s.
             poses: by name of all that moves.
             ids: (N,) of the particles that are in the scene, below the number of particles; by default all are.
+            forces: of the fluid on solids, by name.
 
         Raises:
             InputError: the disk is full.
@@ -337,6 +351,7 @@ class TrajectoryWriter:
         np.round(frame[1], out=frame[1])
         frame[1] *= VELOCITY_STEP
         self._poses[self._buffered :] = [poses or {}]
+        self._forces[self._buffered :] = [forces or {}]
         self._buffered += 1
         if self._buffered == FRAMES_PER_FLUSH:
             self.flush()
@@ -359,6 +374,7 @@ class TrajectoryWriter:
                 write_chunks(data, self._written, values, self._shuffled)
             self._write_poses()
             self._write_lifetimes()
+            self._write_forces()
             self._file.flush()
         except (OSError, RuntimeError) as error:
             raise InputError(f"{self._path}: cannot be written ({single_line(error)})") from None
@@ -383,11 +399,28 @@ class TrajectoryWriter:
             path = f"{POSES}/{name}"
             known = path in self._file and self._written > 0
             rows = filled_poses(self._poses, name, self._file[path][self._written - 1] if known else None)
-            if path not in self._file:
-                self._file.create_dataset(path, data=np.repeat(rows[:1], self._written, axis=0), maxshape=(None, 7))
-            data = self._file[path]
-            data.resize(self._written + len(rows), axis=0)
-            data[self._written :] = rows
+            self._write_rows(path, rows, rows[0])
+
+    def _write_forces(self) -> None:
+        """Write the forces and torques of the buffered frames; NaN where a frame has none."""
+        names = {
+            **dict.fromkeys(self._file.get(WRENCHES[0], ())),
+            **{n: None for forces in self._forces for n in forces},
+        }
+        none = Wrench(np.full(3, np.nan), np.full(3, np.nan))
+        for name in names:
+            wrenches = [forces.get(name, none) for forces in self._forces]
+            for group, rows in zip(WRENCHES, zip(*wrenches, strict=True), strict=True):
+                self._write_rows(f"{group}/{name}", np.array(rows), none.force)
+
+    def _write_rows(self, path: str, rows: np.ndarray, missing: np.ndarray) -> None:
+        """Write rows (K, width) of the buffered frames; a new data set has ``missing`` (width,) in earlier frames."""
+        if path not in self._file:
+            earlier = np.repeat(missing[None], self._written, axis=0)
+            self._file.create_dataset(path, data=earlier, maxshape=(None, len(missing)))
+        data = self._file[path]
+        data.resize(self._written + len(rows), axis=0)
+        data[self._written :] = rows
 
     def _check_disk_space(self, needed: int, kept: str = "") -> None:
         try:

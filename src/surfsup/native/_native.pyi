@@ -21,6 +21,9 @@ Record: TypeAlias = tuple[np.ndarray, ...]
 # float64, where each particle last queried them (K, N, 3) float32 and the distance there (K, N) float32, both updated;
 # poses of the walls (2, 7) float64 or None. A pose is a position and a quaternion w, x, y, z.
 Moving: TypeAlias = tuple[object, ...]
+# Impulses for unit mass and their moments about the origin of the world (R, 6) float64, added to: of the walls, the
+# solids that stand still, those that move; and which still solid each particle is at (N,) int32, None with one or none.
+Impulses: TypeAlias = tuple[np.ndarray, np.ndarray | None]
 
 # float32, or the bits of bfloat16 as uint16.
 Numbers: TypeAlias = np.ndarray
@@ -73,6 +76,7 @@ def resolve_collisions(
     solid: SolidQuery | None,
     query_positions: Vectors | None,
     query_distance: Values | None,
+    impulses: Impulses | None,
     isa: str,
     threads: int,
 ) -> None:
@@ -86,6 +90,7 @@ def resolve_collisions(
         parameters: clearance and rounds.
         solid: None if there is none.
         query_positions, query_distance: (N, 3) and (N,), where each particle last queried the solid; None if unknown.
+        impulses: on walls and solid; None if they are not requested.
         isa: instruction set.
         threads: at most.
 
@@ -104,6 +109,7 @@ def resolve_moving_collisions(
     solid: SolidQuery | None,
     moving: Moving,
     frame_time: float,
+    impulses: Impulses | None,
     isa: str,
     threads: int,
 ) -> None:
@@ -207,6 +213,7 @@ class Solver:
         collided: np.ndarray,
         record: Record | None,
         moving: Moving | None,
+        impulses: Impulses | None,
         isa: str,
         threads: int,
         max_pairs: int,
@@ -226,6 +233,7 @@ class Solver:
             collided: (N,) bool, written.
             record: arrays for the last substep, written.
             moving: what moves in the frame, without a record; None if nothing does.
+            impulses: on walls and solids; None if they are not requested.
             isa: instruction set.
             threads: at most.
             max_pairs: of neighbors; the step stops beyond it.

@@ -10,11 +10,13 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 # Centers of a disc in a square lattice, in its spacings: a particle, the middle of a side, the middle of a cell.
 CENTERS = ((0.0, 0.0), (0.5, 0.0), (0.5, 0.5))
+TINY = 1e-12  # meters
 ROUNDING = 1e-6  # of a spacing or an interval, by which equal distances or times may differ
 
 
@@ -23,8 +25,12 @@ class Nozzle:
     """A tap as the layers of particles that leave it. Layer k passes the opening at start + (k + ½) interval.
 
     Attributes:
-        points: (n, 3) float64, meters; of the particles in the opening.
-        velocity: (3,), m/s.
+        center: (3,), of the opening, meters.
+        axes: (3, 3), rows: two directions across the opening, and that of the water.
+        sides: (n, 2) float64, meters; of the particles in the opening along the first two axes.
+        half: (2,), half the extent of the opening along these axes, meters.
+        is_disc: whether the opening is a disc, else a rectangle.
+        speed: m/s.
         interval: between two layers, seconds.
         start, until: when the tap opens and closes, seconds.
         guide: how long a layer is guided before it flows freely, seconds.
@@ -32,14 +38,60 @@ class Nozzle:
         recycle: whether it gives only water that drains have taken.
     """
 
-    points: np.ndarray
-    velocity: np.ndarray
+    center: np.ndarray
+    axes: np.ndarray
+    sides: np.ndarray
+    half: np.ndarray
+    is_disc: bool
+    speed: float
     interval: float
     start: float
     until: float
     guide: float
     carrier: str | None = None
     recycle: bool = False
+
+    @cached_property
+    def points(self) -> np.ndarray:
+        """(n, 3) float64, meters: of the particles in the opening."""
+        return self.sides @ self.axes[:2] + self.center
+
+    @property
+    def velocity(self) -> np.ndarray:
+        """(3,), m/s."""
+        return self.speed * self.axes[2]
+
+    def way_out(self, points: np.ndarray, front: float) -> tuple[np.ndarray, np.ndarray]:
+        """The shortest way out of the water that a tap guides, for points in it.
+
+        That water reaches from half the distance of two layers before the opening to ``front`` behind it. From before
+        the opening the way is sideways or back, from behind it sideways or ahead.
+
+        Args:
+            points: (N, 3), meters.
+            front: of the first layer from the opening, meters.
+
+        Returns:
+            The ways (N, 3) in meters, zero outside; and which points (N,) leave ahead.
+        """
+        across, along = (points - self.center) @ self.axes[:2].T, (points - self.center) @ self.axes[2]
+        back = -0.5 * self.interval * self.speed
+        if self.is_disc:
+            distance = np.hypot(*across.T)
+            depth = self.half[0] - distance
+            side = across / np.maximum(distance, TINY)[:, None]
+        else:
+            depths = self.half - np.abs(across)
+            axis = depths.argmin(axis=1)
+            depth = depths.min(axis=1)
+            side = np.eye(2)[axis] * np.where(across < 0, -1.0, 1.0)
+        length = np.where(along < 0, along - back, front - along)
+        inside = (depth > 0) & (along > back) & (along < front)
+        straight = inside & (length < depth)
+        ahead = straight & (along >= 0)
+        ways = (depth * (inside & ~straight))[:, None] * side @ self.axes[:2]
+        ways += (length * straight * np.where(ahead, 1.0, -1.0))[:, None] * self.axes[2]
+        return ways, ahead
 
     def layer_times(self, after: float, to: float) -> np.ndarray:
         """When layers pass the opening, after the time ``after`` and at the latest at ``to``, seconds."""

@@ -6,7 +6,7 @@ import math
 import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import yaml
 from pydantic import Field, GetPydanticSchema, PrivateAttr, ValidationError, field_validator, model_validator
@@ -20,9 +20,9 @@ from surfsup.scene.mesh_surface import MeshFileSurface
 from surfsup.scene.particle_file import ParticleFile, end_time
 from surfsup.scene.safe_yaml import parse_yaml
 from surfsup.scene.shapes import KINDS, Shape
-from surfsup.scene.solids import CONTAINER, NamedShape, as_named_shape, build_solids
+from surfsup.scene.solids import CONTAINER, SINGLE, NamedShape, as_named_shape, build_solids
 from surfsup.scene.start import initial_particles
-from surfsup.scene.strict_model import Finite, Length, StrictModel, Velocity, for_callers_only
+from surfsup.scene.strict_model import Density, Finite, Length, StrictModel, Velocity, for_callers_only
 from surfsup.scene.taps import Drain, Passage, Tap
 from surfsup.scene.units import Units
 from surfsup.scene.validation_error import format_validation_error
@@ -68,9 +68,13 @@ class Scene(StrictModel):
         restart: a trajectory whose last frame replaces the start of the fluid; time continues.
         taps: from which water enters; ``fluid`` may then be empty.
         drains: in which water leaves.
+        forces: names of the solids on which the force of the fluid is recorded, or ``all``. The walls are
+            ``container``, a single surface is ``surface``.
+        density: of the fluid at rest, kg/m³.
 
     Raises:
-        InputError: a value is out of range, or ``frames`` and ``duration`` contradict each other.
+        InputError: a value is out of range, ``frames`` and ``duration`` contradict each other, or a name under
+            ``forces`` is that of no solid.
 
     Examples:
         >>> import surfsup as sf
@@ -91,6 +95,8 @@ class Scene(StrictModel):
     restart: Path | None = None
     taps: list[Tap] = Field(default_factory=list)
     drains: list[Drain] = Field(default_factory=list)
+    forces: Literal["all"] | list[str] = Field(default_factory=list)
+    density: Density = 1000.0
     _folder: Path = PrivateAttr(default=Path())
 
     @for_callers_only
@@ -109,6 +115,8 @@ class Scene(StrictModel):
         restart: Path | str | None = None,
         taps: Sequence[Tap] = (),
         drains: Sequence[Drain] = (),
+        forces: Literal["all"] | Sequence[str] = (),
+        density: float = 1000.0,
     ) -> None:
         entries = [Fluid.of(entry) for entry in fluid]
         given = {} if frames is None else {"frames": frames}
@@ -124,6 +132,8 @@ class Scene(StrictModel):
             restart=restart,
             taps=list(taps),
             drains=list(drains),
+            forces=forces if forces == "all" else list(forces),
+            density=density,
             **given,
         )
 
@@ -204,6 +214,33 @@ class Scene(StrictModel):
                     motion.spin.check_turn(self.units.frame_time)
             except ValueError as error:
                 raise ValueError(f"{place}: {error}") from None
+        return self
+
+    @field_validator("forces", mode="before")
+    @classmethod
+    def check_forces(cls, names: Any) -> Any:
+        """Require ``all`` or names."""
+        if names == "all" or (isinstance(names, list) and all(isinstance(name, str) for name in names)):
+            return names
+        raise ValueError("must be 'all' or a list of names of solids")
+
+    @model_validator(mode="after")
+    def check_force_names(self) -> Scene:
+        """Refuse forces on solids that are not there."""
+        known = self.solid_names
+        if unknown := [name for name in self.forces if name not in known and self.forces != "all"]:
+            there = ", ".join(known) or "none, and the container is open"
+            raise ValueError(f"forces: there is no solid '{unknown[0]}'; those of the scene are {there}")
+        return self
+
+    @model_validator(mode="after")
+    def check_restart(self) -> Scene:
+        """Refuse to continue rigid bodies, whose velocities no trajectory has."""
+        named = {name: entry for name, entry in self.surfaces.items() if isinstance(entry, NamedShape)}
+        if self.restart is not None and (
+            free := [name for name, entry in named.items() if entry.rigid_body is not None]
+        ):
+            raise ValueError(f"restart: '{free[0]}' is a rigid body, whose velocity no trajectory has; omit restart")
         return self
 
     @model_validator(mode="after")
@@ -356,10 +393,26 @@ class Scene(StrictModel):
         return self.model_copy(update=changes).with_base_folder(folder)
 
     @property
+    def solid_names(self) -> tuple[str, ...]:
+        """The names under which forces on solids are recorded."""
+        walls = () if self.container.open else (CONTAINER,)
+        return *walls, *(() if self.surface is None else (SINGLE,)), *self.surfaces
+
+    @property
+    def needs_native(self) -> bool:
+        """Whether the scene needs the C++ code, on the CPU: something moves, or forces are requested."""
+        return self.moves or bool(self.forces)
+
+    @property
+    def flush(self) -> bool:
+        """Whether the water touches a surface (``flush``), which the reference does not know."""
+        return any(isinstance(entry, NamedShape) and entry.flush for entry in self.surfaces.values())
+
+    @property
     def moves(self) -> bool:
-        """Whether a surface or the container has a motion."""
-        entries = [self.container, *self.surfaces.values()]
-        return any(getattr(entry, "motion", None) is not None for entry in entries)
+        """Whether a surface or the container has a motion, or is a rigid body."""
+        named = (entry for entry in self.surfaces.values() if isinstance(entry, NamedShape))
+        return self.container.motion is not None or any(entry.moves for entry in named)
 
     @property
     def is_open(self) -> bool:

@@ -2,32 +2,56 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
 import torch
+from pydantic import model_validator
 
 from surfsup.errors import InputError
 from surfsup.scene.mesh_surface import MeshFileSurface
 from surfsup.scene.motion import Motion, PoseFunction
 from surfsup.scene.pose import Pose
 from surfsup.scene.quaternion import about_axis
+from surfsup.scene.rigid_body import RigidBody
 from surfsup.scene.shapes import Shape
 from surfsup.sdf import Surface, Transformed, Union
 
 if TYPE_CHECKING:
     from surfsup.scene.scene import Scene
 
-CONTAINER = "container"  # the name under which the container moves
+CONTAINER = "container"  # the name under which the container moves, and of forces on its walls
+SINGLE = "surface"  # the name of the surface of a scene without names
 MAX_OWN_DISTANCE = 1000.0  # meters of a point of a moving solid from its own origin, where floats are 0.06 mm apart
 
 
 class NamedShape(Shape):
-    """A surface under ``surfaces``: a shape that may have a motion. ``at`` and ``rotate`` are its pose at rest."""
+    """A surface under ``surfaces``: a shape that may move. ``at`` and ``rotate`` are its pose at rest.
+
+    Attributes:
+        motion: along given poses.
+        rigid_body: as gravity, water and contacts move it.
+        flush: whether the water touches it, so that it displaces its own volume; by default rigid bodies are flush.
+    """
 
     motion: Motion | None = None
+    rigid_body: RigidBody | None = None
+    flush: bool | None = None
+
+    @model_validator(mode="after")
+    def check_one_motion(self) -> NamedShape:
+        """Refuse two motions."""
+        if self.motion is not None and self.rigid_body is not None:
+            raise ValueError("give either motion or rigid_body, not both")
+        return self
+
+    @property
+    def moves(self) -> bool:
+        """Whether it may move."""
+        return self.motion is not None or self.rigid_body is not None
 
     @property
     def rest(self) -> Pose:
@@ -65,16 +89,37 @@ class MovingSolid:
     Attributes:
         name: its key under ``surfaces``.
         surface: in its own frame.
-        pose: its pose at a time in seconds.
+        pose: its pose at a time in seconds; of a rigid body that at the start.
+        body: what the scene says of a rigid body, None for other solids.
+        flush: whether the water touches it.
     """
 
     name: str
     surface: Surface
     pose: PoseFunction
+    body: RigidBody | None = None
+    flush: bool = False
 
     def at(self, pose: Pose) -> Surface:
         """The surface in the world."""
         return Transformed(self.surface, torch.from_numpy(pose.matrix).float(), torch.from_numpy(pose.position).float())
+
+
+@dataclass(frozen=True)
+class StillSolid:
+    """A solid that stands still.
+
+    Attributes:
+        name: its key under ``surfaces``, or ``surface``.
+        surface: in the world.
+        origin: (3,) meters, where ``at`` puts it; that of the world for an object that no file describes.
+        flush: whether the water touches it.
+    """
+
+    name: str
+    surface: Surface
+    origin: np.ndarray
+    flush: bool = False
 
 
 @dataclass(frozen=True)
@@ -85,16 +130,30 @@ class Solids:
         still: the union of all that stands still, or None.
         moving: those that move.
         container: the pose of a container that moves, or None.
+        parts: of ``still``.
     """
 
     still: Surface | None
     moving: tuple[MovingSolid, ...] = ()
     container: PoseFunction | None = None
+    parts: tuple[StillSolid, ...] = ()
 
     @property
     def move(self) -> bool:
         """Whether anything moves."""
         return bool(self.moving) or self.container is not None
+
+    def require_described(self) -> None:
+        """Require that the scene describes all motions.
+
+        Raises:
+            InputError: there is a rigid body, whose motion a simulation computes.
+        """
+        if free := [solid.name for solid in self.moving if solid.body is not None]:
+            raise InputError(
+                f"surface '{free[0]}' is a rigid body, which moves in 'surfsup simulate' and sf.Simulation only; "
+                "omit 'rigid_body', or give a motion"
+            )
 
     def poses(self, time: float) -> dict[str, Pose]:
         """The pose by name of all that moves, at a time in seconds."""
@@ -125,11 +184,16 @@ def build_solids(scene: Scene, movable: Collection[str] = ()) -> Solids:
     if unknown := [name for name in movable if name not in scene.surfaces and name != CONTAINER]:
         known = ", ".join(scene.surfaces) or "none; name them under 'surfaces'"
         raise InputError(f"there is no surface '{unknown[0]}' to move; the scene's are {known}")
-    still, moving = [] if scene.surface is None else [scene.build_single_surface()], []
+    parts, moving = [], []
+    if (single := scene.build_single_surface()) is not None:
+        parts.append(StillSolid(SINGLE, single, origin_of(scene.surface)))
     for name, entry in scene.surfaces.items():
         motion = entry.motion if isinstance(entry, NamedShape) else None
-        if motion is None and name not in movable:
-            still.append(entry.surface(scene.base_folder) if isinstance(entry, Shape) else entry)
+        body = entry.rigid_body if isinstance(entry, NamedShape) else None
+        flush = isinstance(entry, NamedShape) and (body is not None if entry.flush is None else entry.flush)
+        if motion is None and body is None and name not in movable:
+            surface = entry.surface(scene.base_folder) if isinstance(entry, Shape) else entry
+            parts.append(StillSolid(name, surface, origin_of(entry), flush))
             continue
         shape = as_named_shape(entry)
         if shape is None:
@@ -138,12 +202,23 @@ def build_solids(scene: Scene, movable: Collection[str] = ()) -> Solids:
         else:
             rest, surface = shape.rest, shape.own_surface(scene.base_folder)
         pose = constant(rest) if motion is None else motion.pose_function(rest, scene.base_folder)
-        moving.append(MovingSolid(name, surface, pose))
+        moving.append(MovingSolid(name, surface, pose, body, flush))
     container, shaken = None, scene.container.motion
     if shaken is not None or CONTAINER in movable:
         container = constant(Pose.of()) if shaken is None else shaken.pose_function(Pose.of(), scene.base_folder)
-    parts = [surface for surface in still if surface is not None]
-    return Solids(None if not parts else parts[0] if len(parts) == 1 else Union(*parts), tuple(moving), container)
+    return Solids(union_of(parts), tuple(moving), container, tuple(parts))
+
+
+def union_of(parts: Sequence[StillSolid]) -> Surface | None:
+    """All ``parts`` as one surface, None without any."""
+    surfaces = [part.surface for part in parts]
+    return None if not surfaces else surfaces[0] if len(surfaces) == 1 else Union(*surfaces)
+
+
+def origin_of(entry: Shape | Surface | None) -> np.ndarray:
+    """The origin (3,) of a surface in the world, meters."""
+    shape = entry.shape if isinstance(entry, MeshFileSurface) else entry
+    return np.array(shape.at if isinstance(shape, Shape) else (0.0, 0.0, 0.0))
 
 
 def as_named_shape(entry: Shape | Surface) -> NamedShape | None:

@@ -15,6 +15,7 @@ MAX_LENGTH = 1e4  # meters
 MAX_SPEED = 1e4  # m/s, also for gravity in m/s²
 MAX_COORDINATE = 1e8  # meters, for the place of a mesh in the coordinates of the Earth
 Length = Annotated[float, Field(gt=0, le=MAX_LENGTH, allow_inf_nan=False)]
+Density = Annotated[float, Field(ge=1, le=1e5, allow_inf_nan=False)]  # kg/m³
 Finite = Annotated[float, Field(ge=-1e30, le=1e30, allow_inf_nan=False)]
 Vector = tuple[Finite, Finite, Finite]
 Position = Annotated[float, Field(ge=-MAX_LENGTH, le=MAX_LENGTH, allow_inf_nan=False)]

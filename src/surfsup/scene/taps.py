@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import Annotated, Any
 
+import numpy as np
 from pydantic import Field, model_validator
 
 from surfsup.scene.nozzle import Nozzle, disc_lattice, nozzle_axes, rectangle_lattice
@@ -143,15 +144,20 @@ class Tap(Passage):
             spacing: of the particles, meters.
         """
         if self.disc is not None:
-            points, distance = disc_lattice(self.disc.radius, spacing)
+            sides, distance = disc_lattice(self.disc.radius, spacing)
+            size = (2 * self.disc.radius, 2 * self.disc.radius)
         else:
             assert self.rectangle is not None
-            points, distance = rectangle_lattice(self.rectangle.size, spacing)
-        axes = nozzle_axes(self.direction, self.turn)
+            size = self.rectangle.size
+            sides, distance = rectangle_lattice(size, spacing)
         speed = self.meters_per_second
         return Nozzle(
-            points=points @ axes[:2] + self.at,
-            velocity=speed * axes[2],
+            center=np.array(self.at),
+            axes=nozzle_axes(self.direction, self.turn),
+            sides=sides,
+            half=0.5 * np.array(size),
+            is_disc=self.disc is not None,
+            speed=speed,
             interval=distance / speed,
             start=self.start,
             until=self.end,

@@ -84,6 +84,11 @@ class Units:
         return self.length**1.5
 
     @property
+    def force(self) -> float:
+        """Of forces at equal density; torques have ``force * length``."""
+        return self.length**3
+
+    @property
     def frame_time(self) -> float:
         """Seconds of the scene in a frame of the simulators."""
         return FRAME_TIME * self.time
@@ -117,8 +122,10 @@ class Units:
 
     def surface_to_solver(self, surface: Surface | None) -> Surface | None:
         """A solid in the units of the scene as one in those of the solver."""
-        if surface is None or self.same:
-            return surface
+        return surface if surface is None or self.same else self.placed_to_solver(surface)
+
+    def placed_to_solver(self, surface: Surface) -> Surface:
+        """:meth:`surface_to_solver` where units differ."""
         if any(self.origin):
             surface = moved(surface, -np.asarray(self.origin))
         return Transformed(surface, scale=1 / self.length)
@@ -136,7 +143,17 @@ class Units:
             for solid in solids.moving
         )
         container = None if solids.container is None else self.motion_to_solver(solids.container, start_time)
-        return Solids(self.surface_to_solver(solids.still), moving, container)
+        parts = tuple(
+            part
+            if self.same
+            else replace(
+                part,
+                surface=self.placed_to_solver(part.surface),
+                origin=(part.origin - self.origin) / self.length,
+            )
+            for part in solids.parts
+        )
+        return Solids(self.surface_to_solver(solids.still), moving, container, parts)
 
     def motion_to_solver(self, motion: PoseFunction, start_time: float) -> PoseFunction:
         """The pose over the time of the solver, which is 0 at ``start_time`` seconds of the scene."""
@@ -154,8 +171,10 @@ class Units:
         """A tap of a scene in the units of the solver, whose time 0 is ``start_time`` seconds of the scene."""
         return replace(
             nozzle,
-            points=nozzle.points / self.length,
-            velocity=nozzle.velocity / self.velocity,
+            center=nozzle.center / self.length,
+            sides=nozzle.sides / self.length,
+            half=nozzle.half / self.length,
+            speed=nozzle.speed / self.velocity,
             interval=nozzle.interval / self.time,
             start=self.time_to_solver(nozzle.start, start_time),
             until=self.time_to_solver(nozzle.until, start_time),

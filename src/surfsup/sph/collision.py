@@ -54,6 +54,7 @@ def resolve_moving_collisions(
     """
     new_positions, new_velocities = (value.detach().numpy().copy() for value in (positions, velocities))
     collided = np.empty(len(positions), bool)
+    impulses = None if environment.impulses is None else environment.impulses.native(new_positions)
     native.resolve_moving_collisions(
         before.detach().contiguous().numpy(),
         new_positions,
@@ -65,9 +66,12 @@ def resolve_moving_collisions(
         native_query(environment),
         motion.native(count=len(positions)),
         motion.seconds,
+        impulses,
         fastest_isa(),
         torch.get_num_threads(),
     )
+    if environment.impulses is not None and impulses is not None:
+        environment.impulses.add(impulses[0], motion)
     return CollisionResult(*(torch.from_numpy(value) for value in (new_positions, new_velocities, collided)))
 
 
@@ -77,6 +81,7 @@ def resolve_collisions_native(
     """:func:`resolve_collisions` in C++."""
     new_positions, new_velocities = (value.detach().numpy().copy() for value in (positions, velocities))
     collided = np.empty(len(positions), bool)
+    impulses = None if environment.impulses is None else environment.impulses.native(new_positions)
     query_positions, query_distance = None, None
     if last is not None:
         query_positions, query_distance = (
@@ -93,9 +98,12 @@ def resolve_collisions_native(
         native_query(environment),
         query_positions,
         query_distance,
+        impulses,
         fastest_isa(),
         torch.get_num_threads(),
     )
+    if environment.impulses is not None and impulses is not None:
+        environment.impulses.add(impulses[0], None)
     return CollisionResult(*(torch.from_numpy(value) for value in (new_positions, new_velocities, collided)))
 
 

@@ -14,10 +14,12 @@ from surfsup import native
 from surfsup.errors import InputError
 from surfsup.native.dispatch import tensors_requiring_grad
 from surfsup.scene import Scene
+from surfsup.scene.flush import with_flush_solids
 from surfsup.scene.solids import Solids, build_solids
 from surfsup.sdf import Surface, Transformed
 from surfsup.sdf.edges import with_edges
 from surfsup.sph.boundary.boundary_map import BoundaryMap
+from surfsup.sph.impulses import Impulses
 from surfsup.sph.moving import FrameMotion, MovingSolids
 
 
@@ -41,7 +43,9 @@ class Environment:
             these act through distance and normal alone.
         moving: what moves, or None.
         motion: its poses before and after the next frame, see :meth:`at_frame`.
-        unmoved: the same without that motion; None where nothing moves.
+        unmoved: the same without that motion and those impulses; None without either.
+        solids: all solids; None where forces on them are never requested.
+        impulses: of the next frame, to which the solver adds; None where they are not requested.
     """
 
     surface: Surface | None
@@ -52,6 +56,8 @@ class Environment:
     moving: MovingSolids | None = None
     motion: FrameMotion | None = None
     unmoved: Environment | None = None
+    solids: Solids | None = None
+    impulses: Impulses | None = None
 
     def __getstate__(self) -> dict[str, object]:
         """The fields alone: cached native objects can be neither copied nor pickled."""
@@ -72,11 +78,16 @@ class Environment:
             surface: what stands still in it.
             device: of the tensors.
             solids: all solids, if they were built before.
+
+        Raises:
+            InputError: a flush solid is too thin.
         """
         assert scene.units.same, "convert the scene first"
         container = scene.container
         if solids is None and scene.moves:
             solids = build_solids(scene)
+        if solids is not None and (fitted := with_flush_solids(solids)) is not solids:
+            solids, surface = fitted, fitted.still
         return cls(
             None if surface is None else surface_on(with_edges(surface), device),
             torch.tensor(container.lower, device=device),
@@ -84,11 +95,17 @@ class Environment:
             torch.tensor(scene.gravity, device=device),
             None if surface is None or tensors_requiring_grad(surface) else BoundaryMap.of(surface, container),
             MovingSolids(solids) if solids is not None and solids.move else None,
+            solids=solids,
         )
 
     def moved(self, motion: FrameMotion) -> Environment:
         """The same, for a frame with ``motion``."""
         return replace(self, motion=motion, unmoved=self.base)
+
+    def measured(self) -> Environment:
+        """The same, for a frame whose impulses on the solids are requested."""
+        assert self.solids is not None, "the environment was made without its solids"
+        return replace(self, impulses=Impulses(self.solids), unmoved=self.base)
 
     @property
     def base(self) -> Environment:
@@ -96,7 +113,13 @@ class Environment:
         return self.unmoved or self
 
     def at_frame(self, number: int) -> Environment:
-        """The same for the step from frame ``number`` to the next, as the scene describes the motion."""
+        """The same for the step from frame ``number`` to the next, as the scene describes the motion.
+
+        Raises:
+            InputError: a rigid body moves, of which the scene describes the start alone.
+        """
+        if self.moving is not None:
+            self.moving.solids.require_described()
         return self if self.moving is None else self.moved(self.moving.of_frame(number))
 
     def transformed_by(self, matrix: Tensor) -> Environment:

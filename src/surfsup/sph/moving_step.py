@@ -10,6 +10,7 @@ import torch
 from torch import Tensor
 
 from surfsup.errors import InputError
+from surfsup.scene import FRAME_TIME
 from surfsup.sph.collision import resolve_collisions
 from surfsup.sph.energy import limit_energy_gain
 from surfsup.sph.environment import Environment
@@ -37,7 +38,7 @@ def step_among_moving(
             "use --device cpu, and see 'surfsup doctor' for what the C++ code needs"
         )
     pieces = motion.pieces()
-    substeps = max(1, SUBSTEPS // len(pieces))
+    substeps = max(1, round(SUBSTEPS * motion.seconds / FRAME_TIME / len(pieces)))
     collided = torch.zeros(len(state.positions), dtype=torch.bool)
     for piece in pieces:
         part = FramePart(piece.seconds, substeps)

@@ -128,6 +128,7 @@ class NativeSolver:
         moving = None
         if environment.motion is not None:
             moving = environment.motion.native(*self._last_moving_queries(environment, count))
+        impulses = None if environment.impulses is None else environment.impulses.native(positions)
         result = self._solver(part).step(
             positions=positions,
             velocities=velocities,
@@ -145,11 +146,14 @@ class NativeSolver:
             collided=collided,
             record=record,
             moving=moving,
+            impulses=impulses,
             isa=self.isa,
             threads=torch.get_num_threads(),
             max_pairs=max_pairs(count, KERNEL_SUPPORT),
         )
         check_pairs(result.pairs, count, KERNEL_SUPPORT)
+        if environment.impulses is not None and impulses is not None:
+            environment.impulses.add(impulses[0], environment.motion)
         last_query = LastQuery(torch.from_numpy(query_positions), torch.from_numpy(query_distance))
         self._last = environment.base, last_query
         return NativeFrame(

@@ -15,6 +15,7 @@ from surfsup.scene import FRAME_TIME, Scene
 from surfsup.scene.carriers import carrier_poses
 from surfsup.scene.pose import Pose
 from surfsup.scene.solids import Solids
+from surfsup.sph.collision import resolve_collisions
 from surfsup.sph.drains import DrainRegion
 from surfsup.sph.environment import Environment
 from surfsup.sph.simulator import Simulator
@@ -176,6 +177,8 @@ class WithTaps(Simulator[OpenState]):
         after = replace(state, fluid=fluid, frame=state.frame + 1)
         motion = self._carriers(environment)
         after = self._guided(after, motion)
+        if after.layers:
+            after = self._cleared(state, after, motion, environment, handle_collisions)
         kept = self._kept(state, after, motion)
         after = replace(after.only(kept), drained=after.drained + int((~kept).sum()))
         after = self._supplied(after, state.time, motion)
@@ -206,6 +209,34 @@ class WithTaps(Simulator[OpenState]):
                 velocities[index] = like(velocities, velocity[there])
             state = replace(state, fluid=ParticleState(positions, velocities))
         return replace(state, layers=layers)
+
+    def _cleared(
+        self,
+        before: OpenState,
+        after: OpenState,
+        motion: CarrierMotion,
+        environment: Environment,
+        handle_collisions: bool,
+    ) -> OpenState:
+        """The state without free water where taps guide theirs."""
+        free = np.ones(len(after.ids), bool)
+        for layer in after.layers:
+            free[rows_of(layer.ids, after.ids)[0]] = False
+        rows = np.flatnonzero(free)
+        place, velocity = (
+            values.detach().double().cpu().numpy()[rows] for values in (after.positions, after.velocities)
+        )
+        place, velocity, moved = self.passages.taps.cleared(after.layers, after.time, motion, place, velocity)
+        if not moved.any():
+            return after
+        index = torch.from_numpy(rows[moved]).to(after.positions.device)
+        positions, velocities = after.positions.clone(), after.velocities.clone()
+        new = like(positions, place[moved]), like(velocities, velocity[moved])
+        if handle_collisions:
+            result = resolve_collisions(before.positions[index], *new, environment)
+            new = result.positions, result.velocities
+        positions[index], velocities[index] = new
+        return replace(after, fluid=ParticleState(positions, velocities))
 
     def _kept(self, before: OpenState, after: OpenState, motion: CarrierMotion) -> np.ndarray:
         """Which particles (N,) no drain takes in a frame that begins with ``before``."""

@@ -36,6 +36,11 @@ class SceneMotion:
         self._overrides: dict[str, PoseFunction] = {}
         self.solids = build_solids(scene)
 
+    @property
+    def driven(self) -> frozenset[str]:
+        """The names of those whose motion was set; a rigid body among them moves freely no more."""
+        return frozenset(self._overrides)
+
     def overridden(self, name: str, motion: PoseFunction) -> SceneMotion:
         """A copy with another motion of a surface or of the container; with the same solids if that moved before.
 

@@ -39,11 +39,13 @@ class Simulator(ABC, Generic[StateType]):
         knows_moving_solids: whether solids and container may move.
         knows_taps: whether the number of particles may change from frame to frame; its state is then positions and
             velocities alone.
+        measures_forces: whether it computes the forces of the fluid on solids.
     """
 
     history_length: ClassVar[int]
     knows_moving_solids: ClassVar[bool] = False
     knows_taps: ClassVar[bool] = False
+    measures_forces: ClassVar[bool] = False
 
     @abstractmethod
     def initial_state(self, positions: Tensor, velocities: Tensor, environment: Environment) -> StateType:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, ClassVar
 import torch
 from torch import Tensor
 
+from surfsup.errors import InputError
 from surfsup.native.dispatch import is_built
 from surfsup.scene import FRAME_TIME
 from surfsup.sph.collision import LastQuery, resolve_collisions
@@ -61,6 +62,7 @@ class DfsphSolver(Simulator[ParticleState]):
 
     knows_moving_solids: ClassVar[bool] = True
     knows_taps: ClassVar[bool] = True
+    measures_forces: ClassVar[bool] = True
     history_length: ClassVar[int] = 0  # positions and end-of-frame velocities are the whole state
 
     def __init__(self) -> None:
@@ -88,6 +90,7 @@ class DfsphSolver(Simulator[ParticleState]):
 
         Raises:
             SimulationError: a position is not finite, or the particles have collapsed into a clump.
+            InputError: solids move, or forces are requested, and the C++ code cannot run.
         """
         if environment.moving is not None:
             return step_among_moving(self.native, state, environment, handle_collisions)
@@ -99,6 +102,11 @@ class DfsphSolver(Simulator[ParticleState]):
                 return ParticleState(frame.positions, frame.velocities), frame.collided
             last = frame.last_query
             return finish_step(state, frame.positions, frame.velocities, environment, last, handle_collisions)
+        if environment.impulses is not None:
+            raise InputError(
+                "forces on solids are computed by the C++ code only: on the CPU, in single precision, without "
+                "gradients; use --device cpu, and see 'surfsup doctor' for what the C++ code needs"
+            )
         positions, velocities, collided = self.warp.step(state, environment, handle_collisions)
         return ParticleState(positions, velocities), collided
 

@@ -97,6 +97,44 @@ class Taps:
         carried = (positions - start.apply(points)) / motion.seconds
         return positions, carried + end.matrix @ nozzle.velocity
 
+    def cleared(
+        self, layers: Sequence[Layer], time: float, motion: CarrierMotion, positions: np.ndarray, velocities: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Move free water out of the water that taps guide, as the wall of a pipe and the water in it would.
+
+        Args:
+            layers: that are guided.
+            time: the end of the frame, seconds.
+            motion: of the carriers in the frame.
+            positions: (N, 3) of free particles, meters.
+            velocities: (N, 3) of them, m/s.
+
+        Returns:
+            New positions and velocities, and which particles (N,) were moved.
+        """
+        moved = np.zeros(len(positions), bool)
+        for tap, nozzle in enumerate(self.nozzles):
+            ages = [time - layer.time for layer in layers if layer.tap == tap]
+            if not ages:
+                continue
+            pose = Pose.of() if nozzle.carrier is None else motion.end[nozzle.carrier]
+            own = pose.to_own(positions)
+            ways, ahead = nozzle.way_out(own, nozzle.speed * max(ages))
+            rows = np.flatnonzero(ways.any(axis=1))
+            if not len(rows):
+                continue
+            before = Pose.of() if nozzle.carrier is None else motion.start[nozzle.carrier]
+            ways = ways[rows] @ pose.matrix.T
+            towards = ways / np.linalg.norm(ways, axis=1, keepdims=True)
+            pipe = (positions[rows] - before.apply(own[rows])) / motion.seconds
+            pipe += ahead[rows, None] * (pose.matrix @ nozzle.velocity)
+            lacking = np.maximum(0.0, ((pipe - velocities[rows]) * towards).sum(axis=1))
+            positions, velocities = positions.copy(), velocities.copy()
+            positions[rows] += ways
+            velocities[rows] += lacking[:, None] * towards
+            moved[rows] = True
+        return positions, velocities, moved
+
     def find_layers(self, positions: np.ndarray, motion: CarrierMotion) -> list[Layer]:
         """The layers that are guided at time 0 among particles at ``positions`` (N, 3), whose ids are their indices."""
         layers: list[Layer] = []

@@ -33,6 +33,10 @@ def export_scene(scene: Scene, out: Path) -> list[str]:
     missing = []
     if scene.moves:
         missing.append("motions of solids, which SPlisHSPlasH takes from a script only")
+    if scene.taps:
+        missing.append("taps, whose layers the emitters of SPlisHSPlasH do not have")
+    if scene.drains:
+        missing.append("drains")
     units = scene.units
     solids = build_solids(scene)
     surface = solids.at_time(scene.start_time)

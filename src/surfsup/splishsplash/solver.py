@@ -61,6 +61,7 @@ def simulate(
     """
     units = scene.units.around(scene, start)
     own_solids = replace(build_solids(scene) if scene.moves else Solids(surface), still=surface)
+    own_solids.require_described()
     solids = units.solids_to_solver(own_solids, scene.start_time)
     solver_scene, start = units.scene_to_solver(scene), units.particles_to_solver(start)
     interval = scene.frame_time / units.frame_time

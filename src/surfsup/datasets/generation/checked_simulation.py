@@ -15,6 +15,8 @@ from surfsup.datasets.generation.statistics import MomentAccumulator, Moments
 from surfsup.errors import SimulationError
 from surfsup.scene import InitialParticles, Scene
 from surfsup.scene.solids import Solids, build_solids
+from surfsup.scene.start import entering_particles
+from surfsup.scene.tap_checks import check_taps_and_drains
 from surfsup.splishsplash import solver
 
 MAX_DRAWS = 5  # scenes drawn for one index before an error
@@ -51,11 +53,11 @@ class CheckedSimulation:
 
     @property
     def particles(self) -> int:
-        """Number of particles."""
-        return len(self._start.positions)
+        """Number of particles that are ever in the scene."""
+        return len(self._start.positions) + entering_particles(self.scene)
 
     def __iter__(self) -> Generator[tuple[np.ndarray, np.ndarray], None, None]:
-        """Positions (N, 3) in meters and velocities (N, 3) in m/s of each frame, float32.
+        """Positions (N, 3) in meters and velocities (N, 3) in m/s of each frame, float32; NaN outside the scene.
 
         Raises:
             UnphysicalError: the simulation is not physical.
@@ -92,6 +94,7 @@ def simulate_valid_scene(sampler: SceneSampler, index: int, consume: Callable[[C
     while len(rejections) < MAX_DRAWS:
         scene = sampler.scene(index, attempt=len(rejections))
         solids = build_solids(scene)
+        check_taps_and_drains(scene, solids)
         start = scene.initial_particles(solids.at_time(0.0))
         simulation = CheckedSimulation(scene, solids, start, tuple(rejections))
         try:

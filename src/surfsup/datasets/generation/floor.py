@@ -24,6 +24,7 @@ from surfsup.io.trajectory import Provenance, Trajectory, TrajectoryWriter
 from surfsup.scene import Block, Fluid, InitialParticles, Scene
 from surfsup.scene.solids import build_solids
 from surfsup.splishsplash import solver
+from surfsup.splishsplash.entering_water import with_ids
 
 FOLDER = "floor"
 SHIFT = 0.001  # meters
@@ -42,9 +43,9 @@ def simulate_floor(
 ) -> list[Path]:
     """Run the reference three times more for each trajectory in ``data``; runs that are there already are kept.
 
-    The water of run 1 starts 1 mm further along x, that of run 2 along y, that of run 3 along z. The trajectories are
-    ``floor/NAME-1.h5`` to ``floor/NAME-3.h5`` in ``data``, with as many frames as the original. If a run fails,
-    ``floor/NAME-1.failed.txt`` has the reason.
+    The water of run 1 starts 1 mm further along x, that of run 2 along y, that of run 3 along z, that of taps too. The
+    trajectories are ``floor/NAME-1.h5`` to ``floor/NAME-3.h5`` in ``data``, with as many frames as the original. If a
+    run fails, ``floor/NAME-1.failed.txt`` has the reason.
 
     Args:
         data: folder of trajectories by the reference solver.
@@ -146,7 +147,10 @@ def shifted_scene(reference: Trajectory, axis: int) -> Scene:
         return Fluid(block=Block(min=lower, max=upper, velocity=entry.block.velocity))
 
     fluid = [shifted(entry) for entry in reference.scene.fluid]
-    return reference.scene.model_copy(update={"fluid": fluid, "frames": len(reference)})
+    taps = [
+        tap.model_copy(update={"at": (tap.at[0] + x, tap.at[1] + y, tap.at[2] + z)}) for tap in reference.scene.taps
+    ]
+    return reference.scene.model_copy(update={"fluid": fluid, "taps": taps, "frames": len(reference)})
 
 
 def shifted_particles(start: InitialParticles, axis: int) -> InitialParticles:
@@ -183,7 +187,7 @@ def simulate_shifted(original: Path, axis: int) -> float | None:
             ) as writer,
         ):
             for number, frame in enumerate(until_canceled(iter(simulation))):
-                writer.append(*frame, simulation.solids.poses(number * scene.frame_time))
+                writer.append(*with_ids(scene, *frame, simulation.solids.poses(number * scene.frame_time)))
 
     try:
         with_retry(CheckedSimulation(scene, solids, start), write)

@@ -17,6 +17,7 @@ from surfsup.errors import InputError, SimulationError
 from surfsup.io.trajectory import Provenance, TrajectoryWriter
 from surfsup.scene import FRAME_TIME
 from surfsup.splishsplash import solver
+from surfsup.splishsplash.entering_water import with_ids
 
 
 def generate(
@@ -121,7 +122,7 @@ def simulate_to_file(sampler: SceneSampler, index: int) -> float | None:
             TrajectoryWriter(path, simulation.scene, provenance, simulation.particles) as writer,
         ):
             for number, frame in enumerate(until_canceled(iter(simulation))):
-                writer.append(*frame, simulation.solids.poses(number * FRAME_TIME))
+                writer.append(*with_ids(simulation.scene, *frame, simulation.solids.poses(number * FRAME_TIME)))
             write_record(writer, sampler, index, simulation)
 
     simulate_valid_scene(sampler, index, write)

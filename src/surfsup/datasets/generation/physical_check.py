@@ -32,7 +32,8 @@ class UnphysicalError(Exception):
 class PhysicalCheck:
     """Checks the frames of one simulation in their order, several at a time.
 
-    Frames are (K, 3, N) float64, one row for each axis, because sums along memory are ten times faster.
+    Frames are (K, 3, N) float64, one row for each axis, because sums along memory are ten times faster. Where water
+    enters or leaves, particles that are not in the scene have NaN.
     """
 
     def __init__(self, scene: Scene, solids: Solids) -> None:
@@ -41,6 +42,7 @@ class PhysicalCheck:
         self._gravity = np.array(scene.gravity)
         self._penetration = None if solids.still is None else PenetrationCheck(solids.still)
         self._solids = solids
+        self._open = scene.is_open
         self._frames = 0
         self._lowest_energy = math.inf
 
@@ -51,17 +53,32 @@ class PhysicalCheck:
             UnphysicalError: a value is not finite, or a particle is outside the container, inside the solid or too
                 fast, or the fluid is too dense or gained energy.
         """
+        if not self._open:
+            self._check(positions, velocities)
+            return
+        for place, velocity in zip(positions, velocities, strict=True):
+            there = np.isfinite(place).all(axis=0)  # the solver refuses NaN of particles that are in the scene
+            if there.any():
+                self._check(place[:, there][None], velocity[:, there][None])
+            else:
+                self._frames += 1
+
+    def _check(self, positions: np.ndarray, velocities: np.ndarray) -> None:
+        """Check the next frames with the particles that are in the scene."""
         if not (np.isfinite(positions).all() and np.isfinite(velocities).all()):
             raise UnphysicalError("a position or velocity is not finite")
         self._check_container(positions)
-        if self._penetration is not None:
+        if self._penetration is not None and self._open:
+            for frame in positions:
+                check_outside(self._penetration.surface, frame.T)
+        elif self._penetration is not None:
             self._penetration.check(positions)
         self._check_moving(positions)
         squared_speed = np.einsum("kij,kij->kj", velocities, velocities)
         speed = math.sqrt(squared_speed.max())
         if speed > MAX_SPEED:
             raise UnphysicalError(f"a particle flew at {speed:.3g} m/s, past its neighbors in a step of the solver")
-        if not self._solids.move:  # what moves does work on the fluid
+        if not (self._solids.move or self._open):  # what moves does work on the fluid, and taps bring energy
             self._check_energy(positions, squared_speed)
         for frame in range(-self._frames % DENSITY_INTERVAL, len(positions), DENSITY_INTERVAL):
             density = float(number_density(positions[frame]).max())
@@ -107,7 +124,7 @@ class PenetrationCheck:
 
     def __init__(self, surface: Surface) -> None:
         """Prepare for a simulation with the solid ``surface``."""
-        self._surface = surface
+        self.surface = surface
         self._queried_at = np.empty((3, 0))  # (3, N) positions of the last queries
         self._squared_reach = np.empty(0)  # (N,)
 
@@ -137,7 +154,7 @@ class PenetrationCheck:
         """Query the distances of ``particles`` (M,) at ``positions`` (3, M)."""
         if len(particles) == 0:
             return
-        distance = check_outside(self._surface, positions.T)
+        distance = check_outside(self.surface, positions.T)
         self._queried_at[:, particles] = positions
         self._squared_reach[particles] = (REACH_FACTOR * distance.astype(np.float64)) ** 2
 

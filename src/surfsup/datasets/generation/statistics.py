@@ -68,7 +68,10 @@ class MomentAccumulator:
         self._last: tuple[np.ndarray, np.ndarray] | None = None
 
     def update(self, positions: np.ndarray, velocities: np.ndarray) -> None:
-        """Add the next frames: positions (K, 3, N) in meters and velocities (K, 3, N) in m/s, float64."""
+        """Add the next frames: positions (K, 3, N) in meters and velocities (K, 3, N) in m/s, float64.
+
+        Particles that are not in the scene have NaN.
+        """
         if self._last is not None:
             last_positions, last_velocities = self._last
             positions = np.concatenate([last_positions, positions])
@@ -77,10 +80,15 @@ class MomentAccumulator:
         if len(positions) == 1:
             return
         ballistic = FRAME_TIME * velocities[:-1] + self._fall
+        change, beyond = np.diff(velocities, axis=0), np.diff(positions, axis=0) - ballistic
+        quantities = {"velocity": velocities[1:], "velocity_change": change, "beyond_ballistic": beyond}
         self.moments.samples += (len(positions) - 1) * positions.shape[2]
-        self.moments.add("velocity", velocities[1:])
-        self.moments.add("velocity_change", np.diff(velocities, axis=0))
-        self.moments.add("beyond_ballistic", np.diff(positions, axis=0) - ballistic)
+        if not np.isfinite(beyond).all():  # particles that are not in both frames do not count
+            both = np.isfinite(beyond).all(axis=1, keepdims=True)
+            self.moments.samples -= int((~both).sum())
+            quantities = {name: np.where(both, values, 0.0) for name, values in quantities.items()}
+        for name, values in quantities.items():
+            self.moments.add(name, values)
 
 
 def normalization_statistics(scenes: Iterable[Moments]) -> dict[str, object]:

@@ -12,6 +12,7 @@ from surfsup.datasets.recipes.prim_unions import PrimUnions
 from surfsup.datasets.recipes.recipe import Recipe
 from surfsup.datasets.recipes.stirring import Stirring
 from surfsup.datasets.recipes.tanks import Tanks
+from surfsup.datasets.recipes.taps import Taps
 
 RECIPES: dict[str, type[Recipe]] = {
     recipe.name: recipe
@@ -27,6 +28,7 @@ RECIPES: dict[str, type[Recipe]] = {
         Tanks,
         Hills,
         Stirring,
+        Taps,
     )
 }
 

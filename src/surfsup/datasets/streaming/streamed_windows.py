@@ -42,6 +42,8 @@ class StreamedWindows:
     def _add(self, simulated: SimulatedScene) -> None:
         if simulated.scene.moves:
             raise InputError("the recipe has solids that move, which no learned simulator knows; choose another")
+        if simulated.scene.is_open:
+            raise InputError("the recipe has taps or drains, which no learned simulator knows; choose another")
         environment = Environment.of(simulated.scene, simulated.scene.build_surface(), self._device)
         self._buffer.append((simulated, environment))
 

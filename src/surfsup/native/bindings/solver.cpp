@@ -96,11 +96,35 @@ surfsup::MovingSolids moving_of(const std::optional<Moving>& moving, size_t coun
     return result;
 }
 
+// Sums of impulses (rows, 6), written to, and which of the still solids each particle is at (count); None where there is but
+// one.
+using ImpulseRows = Array<double, nb::shape<-1, surfsup::IMPULSE_ROW>>;
+using Impulses = std::tuple<ImpulseRows, std::optional<SmallIndices>>;
+
+std::optional<surfsup::ImpulseSums> impulses_of(const std::optional<Impulses>& impulses, size_t count, bool solid,
+                                                size_t moving) {
+    if (!impulses) return {};
+    const auto& [rows, still_solid] = *impulses;
+    const size_t others = 1 + moving + (solid ? 1 : 0);
+    if (rows.shape(0) < others || (rows.shape(0) > others && !(solid && still_solid)))
+        throw std::invalid_argument("the rows of the impulses do not fit the solids");
+    const auto still = static_cast<int32_t>(rows.shape(0) - 1 - moving);
+    if (still_solid) {
+        expect(still_solid->shape(0), count, "still_solid");
+        for (size_t i = 0; i < count; ++i)
+            if (still_solid->data()[i] < 0 || still_solid->data()[i] >= still)
+                throw std::invalid_argument("there is no still solid of that number");
+    }
+    return surfsup::ImpulseSums{rows.data(), static_cast<int32_t>(rows.shape(0)), still,
+                                still_solid ? still_solid->data() : nullptr};
+}
+
 surfsup::StepResult step(surfsup::Solver& solver, Vectors positions, Vectors velocities, Vector gravity, Vector lower,
                          Vector upper, const surfsup::BoundaryMap* boundary_map, Matrix3 rotation, const nb::object& solid,
                          bool handle_collisions, NewVectors query_positions, NewValues query_distance, NewVectors new_positions,
                          NewVectors new_velocities, NewFlags collided, const std::optional<Record>& record,
-                         const std::optional<Moving>& moving, const std::string& isa, int threads, int64_t max_pairs) {
+                         const std::optional<Moving>& moving, const std::optional<Impulses>& impulses, const std::string& isa,
+                         int threads, int64_t max_pairs) {
     const size_t count = positions.shape(0);
     expect(velocities.shape(0), count, "velocities");
     expect(query_positions.shape(0), count, "query_positions");
@@ -112,6 +136,7 @@ surfsup::StepResult step(surfsup::Solver& solver, Vectors positions, Vectors vel
     const surfsup::SolidQuery query = solid_query(solid, chosen, threads);
     if (moving && record) throw std::invalid_argument("a frame with moving solids has no record");
     const surfsup::MovingSolids moving_solids = moving_of(moving, count, chosen, threads);
+    const auto sums = impulses_of(impulses, count, static_cast<bool>(query), moving_solids.solids.size());
     const surfsup::Fluid fluid = {checked_count(count),
                                   positions.data(),
                                   velocities.data(),
@@ -122,7 +147,8 @@ surfsup::StepResult step(surfsup::Solver& solver, Vectors positions, Vectors vel
                                   lower.data(),
                                   upper.data(),
                                   boundary_map ? boundary_map->view(rotation.data()) : surfsup::BoundaryMapView{},
-                                  moving ? &moving_solids : nullptr};
+                                  moving ? &moving_solids : nullptr,
+                                  sums ? &*sums : nullptr};
     const surfsup::SubstepRecord written = record_of(record, count);
     const nb::gil_scoped_release unlocked;
     return surfsup::step(solver, fluid, query, handle_collisions, {query_positions.data(), query_distance.data()},
@@ -132,7 +158,7 @@ surfsup::StepResult step(surfsup::Solver& solver, Vectors positions, Vectors vel
 void resolve_collisions(Vectors before, NewVectors positions, NewVectors velocities, NewFlags collided, Vector lower,
                         Vector upper, const surfsup::CollisionParameters& parameters, const nb::object& solid,
                         std::optional<NewVectors> query_positions, std::optional<NewValues> query_distance,
-                        const std::string& isa, int threads) {
+                        const std::optional<Impulses>& impulses, const std::string& isa, int threads) {
     const size_t count = positions.shape(0);
     expect(before.shape(0), count, "before");
     expect(velocities.shape(0), count, "velocities");
@@ -144,14 +170,17 @@ void resolve_collisions(Vectors before, NewVectors positions, NewVectors velocit
     const surfsup::SolidQuery query = solid_query(solid, surfsup::isa_of(isa), threads);
     surfsup::LastQuery last_query{};
     if (query_positions) last_query = {query_positions->data(), query_distance->data()};
+    const auto sums = impulses_of(impulses, count, static_cast<bool>(query), 0);
     const nb::gil_scoped_release unlocked;
     surfsup::resolve_collisions(before.data(), positions.data(), velocities.data(), collided.data(), checked_count(count),
-                                {lower.data(), upper.data()}, parameters, query, query_positions ? &last_query : nullptr);
+                                {lower.data(), upper.data()}, parameters, query, query_positions ? &last_query : nullptr,
+                                sums ? &*sums : nullptr);
 }
 
 void resolve_moving_collisions(Vectors before, NewVectors positions, NewVectors velocities, NewFlags collided, Vector lower,
                                Vector upper, const surfsup::CollisionParameters& parameters, const nb::object& solid,
-                               const Moving& moving, float frame_time, const std::string& isa, int threads) {
+                               const Moving& moving, float frame_time, const std::optional<Impulses>& impulses,
+                               const std::string& isa, int threads) {
     const size_t count = positions.shape(0);
     expect(before.shape(0), count, "before");
     expect(velocities.shape(0), count, "velocities");
@@ -159,10 +188,11 @@ void resolve_moving_collisions(Vectors before, NewVectors positions, NewVectors 
     const surfsup::Isa& chosen = surfsup::isa_of(isa);
     const surfsup::SolidQuery query = solid_query(solid, chosen, threads);
     const surfsup::MovingSolids moving_solids = moving_of(moving, count, chosen, threads);
+    const auto sums = impulses_of(impulses, count, static_cast<bool>(query), moving_solids.solids.size());
     const nb::gil_scoped_release unlocked;
     surfsup::resolve_moving_collisions(before.data(), positions.data(), velocities.data(), collided.data(),
                                        checked_count(count), {lower.data(), upper.data()}, parameters, query, nullptr,
-                                       moving_solids, frame_time);
+                                       moving_solids, frame_time, sums ? &*sums : nullptr);
 }
 
 double energy_gain(Vectors positions, Vectors velocities, Vectors new_positions, Vectors new_velocities, Vector gravity) {
@@ -217,11 +247,11 @@ void add_solver(nb::module_& module) {
                "max_delta_velocity"_a, "halvings"_a);
     module.def("resolve_collisions", resolve_collisions, array("before"), array("positions"), array("velocities"),
                array("collided"), array("lower"), array("upper"), "parameters"_a, "solid"_a.none(),
-               array("query_positions").none(), array("query_distance").none(), "isa"_a, "threads"_a);
+               array("query_positions").none(), array("query_distance").none(), array("impulses").none(), "isa"_a, "threads"_a);
 
     module.def("resolve_moving_collisions", resolve_moving_collisions, array("before"), array("positions"), array("velocities"),
                array("collided"), array("lower"), array("upper"), "parameters"_a, "solid"_a.none(), "moving"_a, "frame_time"_a,
-               "isa"_a, "threads"_a);
+               array("impulses").none(), "isa"_a, "threads"_a);
 
     nb::class_<surfsup::BoundaryMap>(module, "BoundaryMap")
         .def("__init__", make_boundary_map, array("lower"), array("cell"), array("resolution"), array("cell_indices"),
@@ -266,5 +296,6 @@ void add_solver(nb::module_& module) {
         .def("step", step, nb::kw_only(), array("positions"), array("velocities"), array("gravity"), array("lower"),
              array("upper"), "boundary_map"_a.none(), array("rotation"), "solid"_a.none(), "handle_collisions"_a,
              array("query_positions"), array("query_distance"), array("new_positions"), array("new_velocities"),
-             array("collided"), array("record").none(), array("moving").none(), "isa"_a, "threads"_a, "max_pairs"_a);
+             array("collided"), array("record").none(), array("moving").none(), array("impulses").none(), "isa"_a, "threads"_a,
+             "max_pairs"_a);
 }

@@ -10,6 +10,7 @@
 #include "sdf/csg_tree.hpp"
 #include "sdf/neural_field.hpp"
 #include "sph/frame.hpp"
+#include "sph/impulses.hpp"
 
 namespace surfsup {
 
@@ -32,6 +33,8 @@ struct Isa {
     // A substep of DFSPH: densities and pressures of particles begin to end, then the velocities and positions they cause.
     void (*compute_pressures)(const Frame&, int substep, int32_t begin, int32_t end);
     void (*apply_pressures)(const Frame&, int substep, int32_t begin, int32_t end);
+    // Adds the impulses of these pressures on solids and walls to rows like those of the sums.
+    void (*sum_impulses)(const Frame&, const ImpulseSums&, int32_t begin, int32_t end, double* rows);
 
     // Neighbor convolution and its gradients, see learned/convolution.hpp.
     void (*convolve)(const NeighborGraph&, int width, const float* values, const float* weights, float* out, int32_t begin,

@@ -5,6 +5,7 @@
 #include "sdf/csg_tree_isa.hpp"
 #include "sdf/neural_field_isa.hpp"
 #include "sph/dfsph_isa.hpp"
+#include "sph/impulses_isa.hpp"
 #include "sph/neighbor_search_isa.hpp"
 
 namespace surfsup {
@@ -16,6 +17,7 @@ const Isa NAME = {ISA_NAME,
                   sizeof(ISA::Search),
                   ISA::compute_pressures,
                   ISA::apply_pressures,
+                  ISA::sum_impulses,
                   ISA::convolve,
                   ISA::convolve_values_gradient,
                   ISA::convolve_weights_gradient,

@@ -17,6 +17,7 @@ enum class Kind : int32_t {
     boxes,
     sampled,
     transformed,
+    offset,
     set_union,
     intersection,
     difference,

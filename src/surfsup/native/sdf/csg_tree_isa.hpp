@@ -181,6 +181,7 @@ Dual signed_distance(const CsgTree& tree, int32_t index, const Points& p) {
         }
         case Kind::transformed:  // rotation, translation, scale
             return from_frame(signed_distance(tree, parts[0], to_frame(p, n, n + 9, n[12])), n, n[12]);
+        case Kind::offset: return signed_distance(tree, parts[0], p) - n[0];
         case Kind::boxes: {  // size, rotation, center of each; the first of equally near ones
             Dual nearest = constant(__builtin_inff());
             for (int32_t k = 0; k < node.parameter_count; k += 15) {

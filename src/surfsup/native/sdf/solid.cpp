@@ -33,6 +33,7 @@ constexpr KindDescription KINDS[] = {
     {"funnel", Kind::funnel, 5, 0},
     {"boxes", Kind::boxes, -1, 0},
     {"transformed", Kind::transformed, 13, 1},
+    {"offset", Kind::offset, 1, 1},
     {"union", Kind::set_union, 0, -1},
     {"intersection", Kind::intersection, 0, -1},
     {"difference", Kind::difference, 0, 2},

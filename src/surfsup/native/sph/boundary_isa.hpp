@@ -84,37 +84,29 @@ inline void add_moving_solid(const SolverParameters& p, const MovingBoundary& so
     }
 }
 
-// Density of walls and of solids that move, written like add_walls and add_moving_solid.
-inline void add_moving(const Frame& frame, const float* position, float& density, float* gradient, float& solid_rate) {
-    const MovingFrame& moving = *frame.moving;
-    if (moving.walls) {
-        float own[3], own_gradient[3], velocity[3];
-        moving.walls->place.to_own(position, own);
-        add_walls(frame, own, density, own_gradient);
-        moving.walls->place.rotate(own_gradient, gradient);
-        moving.walls->velocity(position, velocity);
-        for (int axis = 0; axis < 3; ++axis) solid_rate += gradient[axis] * velocity[axis];
-    } else {
+// Density of the walls, which may move, written like add_walls and add_moving_solid.
+inline void add_walls_of_frame(const Frame& frame, const float* position, float& density, float* gradient, float& solid_rate) {
+    if (!frame.moving || !frame.moving->walls) {
         add_walls(frame, position, density, gradient);
+        return;
     }
-    for (int32_t k = 0; k < moving.solid_count; ++k)
-        add_moving_solid(*frame.parameters, moving.solids[k], position, density, gradient, solid_rate);
+    const RigidStep& walls = *frame.moving->walls;
+    float own[3], own_gradient[3], velocity[3];
+    walls.place.to_own(position, own);
+    add_walls(frame, own, density, own_gradient);
+    walls.place.rotate(own_gradient, gradient);
+    walls.velocity(position, velocity);
+    for (int axis = 0; axis < 3; ++axis) solid_rate += gradient[axis] * velocity[axis];
 }
 
-// Density of solid and walls at a position, and its gradient, 1/m. Skips the solid if `min_solid_distance`, a lower bound of
-// the distance, exceeds the kernel support. Updates that bound near the solid. With MOVING also the density of what moves, and
-// in `solid_rate` the density rate that its motion takes away, 1/s.
-template <bool MOVING>
-inline float boundary_density(const Frame& frame, int64_t caller, const float* position, float& min_solid_distance,
-                              float* gradient, float& solid_rate) {
+// Adds the density of the solid that stands still and its gradient, 1/m. Skips the solid if `min_solid_distance`, a lower bound
+// of the distance, exceeds the kernel support. Updates that bound near the solid.
+inline void add_still_solid(const Frame& frame, int64_t caller, const float* position, float& min_solid_distance,
+                            float& density, float* gradient) {
     const SolverParameters& p = *frame.parameters;
-    float density = 0.0f, slope, distance, fraction, normal[3];
-    if constexpr (MOVING)
-        add_moving(frame, position, density, gradient, solid_rate);
-    else
-        add_walls(frame, position, density, gradient);
+    float slope, distance, fraction, normal[3];
     const bool solid = frame.boundary_map.cell_indices || frame.solid_normal;
-    if (!solid || min_solid_distance > p.kernel_support) return density;  // a NaN distance passes
+    if (!solid || min_solid_distance > p.kernel_support) return;  // a NaN distance passes
     if (frame.boundary_map.cell_indices) {
         interpolate(frame.boundary_map, position, distance, fraction, normal);
     } else {
@@ -130,6 +122,22 @@ inline float boundary_density(const Frame& frame, int64_t caller, const float* p
     if (distance < p.kernel_support) min_solid_distance = distance - MAP_ERROR;  // outside the map the distance is unknown
     add_solid(p, distance, fraction, density, slope);
     for (int axis = 0; axis < 3; ++axis) gradient[axis] -= slope * normal[axis];
+}
+
+// Density of solids and walls at a position, and its gradient, 1/m; `min_solid_distance` as in add_still_solid. With MOVING
+// also the density of what moves, and in `solid_rate` the density rate that its motion takes away, 1/s.
+template <bool MOVING>
+inline float boundary_density(const Frame& frame, int64_t caller, const float* position, float& min_solid_distance,
+                              float* gradient, float& solid_rate) {
+    float density = 0.0f;
+    if constexpr (MOVING) {
+        add_walls_of_frame(frame, position, density, gradient, solid_rate);
+        for (int32_t k = 0; k < frame.moving->solid_count; ++k)
+            add_moving_solid(*frame.parameters, frame.moving->solids[k], position, density, gradient, solid_rate);
+    } else {
+        add_walls(frame, position, density, gradient);
+    }
+    add_still_solid(frame, caller, position, min_solid_distance, density, gradient);
     return density;
 }
 

@@ -45,12 +45,15 @@ void update_query(const float* positions, int32_t count, float clearance, const 
 
 void resolve_collisions(const float* before, float* positions, float* velocities, bool* collided, int32_t count,
                         const Container& container, const CollisionParameters& parameters, const SolidQuery& solid,
-                        const LastQuery* last_query) {
+                        const LastQuery* last_query, const ImpulseSums* impulses) {
     float lower[3], upper[3];
     for (int axis = 0; axis < 3; ++axis)
         lower[axis] = container.lower[axis] + parameters.clearance, upper[axis] = container.upper[axis] - parameters.clearance;
-    const auto contain_particle = [&](int64_t i) { return contain(positions + 3 * i, velocities + 3 * i, lower, upper); };
-    for (int64_t i = 0; i < count; ++i) collided[i] = contain_particle(i);
+    for (int64_t i = 0; i < count; ++i) {
+        VelocityWatch watch(impulses, positions + 3 * i, velocities + 3 * i);
+        collided[i] = contain(positions + 3 * i, velocities + 3 * i, lower, upper);
+        if (collided[i]) watch.add_to(0);
+    }
     if (!solid) return;
     for (const int32_t i : stop_crossings(solid, last_query, before, positions, count, parameters.clearance))
         collided[i] = true;
@@ -69,8 +72,11 @@ void resolve_collisions(const float* before, float* positions, float* velocities
             const float depth = parameters.clearance - query.distance[k];
             if (!(depth > parameters.tolerance)) continue;
             const int64_t i = active[k];
+            VelocityWatch watch(impulses, positions + 3 * i, velocities + 3 * i);
             project(positions + 3 * i, velocities + 3 * i, depth, query.normal.data() + 3 * k);
-            contain_particle(i);
+            if (impulses) watch.add_to(impulses->still_row(i));
+            contain(positions + 3 * i, velocities + 3 * i, lower, upper);
+            watch.add_to(0);
             collided[i] = true;
             projected.push_back(active[k]);
         }
@@ -80,8 +86,10 @@ void resolve_collisions(const float* before, float* positions, float* velocities
     query.run(solid, positions, active, false);
     for (size_t k = 0; k < active.size(); ++k) {
         if (!(query.distance[k] < 0)) continue;
-        for (int64_t at = 3 * static_cast<int64_t>(active[k]), end = at + 3; at < end; ++at)
-            positions[at] = before[at], velocities[at] = 0;
+        const int64_t i = active[k];
+        VelocityWatch watch(impulses, positions + 3 * i, velocities + 3 * i);
+        for (int64_t at = 3 * i, end = at + 3; at < end; ++at) positions[at] = before[at], velocities[at] = 0;
+        if (impulses) watch.add_to(impulses->still_row(i));
     }
 }
 

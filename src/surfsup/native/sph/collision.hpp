@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <functional>
 
+#include "sph/impulses.hpp"
 #include "sph/parameters.hpp"
 
 namespace surfsup {
@@ -28,10 +29,11 @@ void update_query(const float* positions, int32_t count, float clearance, const 
                   float* lower_bound);
 
 // Moves particles out of solid and walls in place, see sph/collision.py, and marks them in `collided` (count). `before` are the
-// positions at the frame's start. `solid` may be empty; without `last_query` every particle queries it.
+// positions at the frame's start. `solid` may be empty; without `last_query` every particle queries it. Adds to `impulses`
+// unless it is null.
 void resolve_collisions(const float* before, float* positions, float* velocities, bool* collided, int32_t count,
                         const Container& container, const CollisionParameters& parameters, const SolidQuery& solid,
-                        const LastQuery* last_query);
+                        const LastQuery* last_query, const ImpulseSums* impulses);
 
 // Mechanical energy that a frame adds, mean J/kg, see sph/energy.py.
 double energy_gain(const float* positions, const float* velocities, const float* new_positions, const float* new_velocities,

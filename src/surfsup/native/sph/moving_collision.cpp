@@ -172,9 +172,14 @@ void stop_at_entry(const Obstacle& obstacle, const float* before, float* positio
 
 void resolve_moving_collisions(const float* before, float* positions, float* velocities, bool* collided, int32_t count,
                                const Container& container, const CollisionParameters& parameters, const SolidQuery& solid,
-                               const LastQuery* last_query, const MovingSolids& moving, float frame_time) {
+                               const LastQuery* last_query, const MovingSolids& moving, float frame_time,
+                               const ImpulseSums* impulses) {
     const Walls walls(container, moving.walls, parameters.clearance, frame_time);
     const std::vector<Obstacle> obstacles = obstacles_of(solid, last_query, moving, frame_time);
+    const auto row_of = [&](size_t number, int64_t particle) {
+        if (!obstacles[number].moves) return impulses->still_row(particle);
+        return impulses->moving_row(static_cast<int32_t>(number) - (solid ? 1 : 0));
+    };
     std::vector<std::vector<int32_t>> active(obstacles.size());
     std::fill_n(collided, count, false);
     for (size_t number = 0; number < obstacles.size(); ++number) {
@@ -201,7 +206,10 @@ void resolve_moving_collisions(const float* before, float* positions, float* vel
     }
     for (int32_t i = 0; i < count; ++i) {
         const int64_t at = 3 * static_cast<int64_t>(i);
-        if (walls.contain(positions + at, velocities + at)) collided[i] = true;
+        VelocityWatch watch(impulses, positions + at, velocities + at);
+        if (!walls.contain(positions + at, velocities + at)) continue;
+        watch.add_to(0);
+        collided[i] = true;
     }
     ObstacleQuery query;
     std::vector<int32_t> projected;
@@ -220,12 +228,15 @@ void resolve_moving_collisions(const float* before, float* positions, float* vel
                 }
                 const float depth = parameters.clearance - query.distance[k];
                 if (!(depth > parameters.tolerance)) continue;
+                VelocityWatch watch(impulses, position, velocity);
                 float wall[3] = {0, 0, 0};
                 if (obstacle.moves) obstacle.end.velocity(position, wall);
                 for (int axis = 0; axis < 3; ++axis) velocity[axis] -= wall[axis];
                 project(position, velocity, depth, &query.normal[3 * k]);
                 for (int axis = 0; axis < 3; ++axis) velocity[axis] += wall[axis];
+                if (impulses) watch.add_to(row_of(number, i));
                 walls.contain(position, velocity);
+                watch.add_to(0);
                 collided[i] = true;
                 projected.push_back(active[number][k]);
             }
@@ -235,12 +246,14 @@ void resolve_moving_collisions(const float* before, float* positions, float* vel
         projected.erase(std::unique(projected.begin(), projected.end()), projected.end());
         for (auto& particles : active) particles = projected;
     }
-    for (const Obstacle& obstacle : obstacles) {
+    for (size_t number = 0; number < obstacles.size(); ++number) {
+        const Obstacle& obstacle = obstacles[number];
         query.run(obstacle, positions, projected, false);
         for (size_t k = 0; k < projected.size(); ++k) {
             if (!(query.distance[k] < 0)) continue;
             // It stays where it was in the frame of the solid, and moves with it.
             const int64_t at = 3 * static_cast<int64_t>(projected[k]);
+            VelocityWatch watch(impulses, positions + at, velocities + at);
             std::copy_n(before + at, 3, positions + at);
             std::fill_n(velocities + at, 3, 0.0f);
             if (obstacle.moves) {
@@ -249,7 +262,9 @@ void resolve_moving_collisions(const float* before, float* positions, float* vel
                 obstacle.end.place.to_world(own, positions + at);
                 obstacle.end.velocity(positions + at, velocities + at);
             }
+            if (impulses) watch.add_to(row_of(number, projected[k]));
             walls.contain(positions + at, velocities + at);
+            watch.add_to(0);
         }
     }
 }

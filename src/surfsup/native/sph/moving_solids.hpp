@@ -31,6 +31,7 @@ struct MovingSolids {
 // See collision.hpp for the other arguments; `frame_time` is the duration of the motions in seconds.
 void resolve_moving_collisions(const float* before, float* positions, float* velocities, bool* collided, int32_t count,
                                const Container& container, const CollisionParameters& parameters, const SolidQuery& solid,
-                               const LastQuery* last_query, const MovingSolids& moving, float frame_time);
+                               const LastQuery* last_query, const MovingSolids& moving, float frame_time,
+                               const ImpulseSums* impulses);
 
 }  // namespace surfsup

@@ -125,6 +125,18 @@ void Solver::add_solid_work(int32_t count) {
     solid_work_ += work / count;
 }
 
+// Adds the impulses of the present pressures. Every portion of the particles has a sum of its own, so that the result does not
+// depend on the number of threads.
+void Solver::add_impulses(const Frame& frame, const Isa& isa, int threads, const ImpulseSums& sums) {
+    const int32_t portion = 4 * isa.rows, portions = (frame.count + portion - 1) / portion;
+    const auto width = static_cast<size_t>(IMPULSE_ROW) * static_cast<size_t>(sums.count);
+    portion_impulses_.assign(width * static_cast<size_t>(portions), 0.0);
+    in_parallel(threads, frame.count, portion, [&](int, int32_t begin, int32_t end) {
+        isa.sum_impulses(frame, sums, begin, end, &portion_impulses_[width * static_cast<size_t>(begin / portion)]);
+    });
+    for (size_t k = 0; k < portion_impulses_.size(); ++k) sums.rows[k % width] += portion_impulses_[k];
+}
+
 int64_t Solver::advance(const Fluid& fluid, float* positions, float* velocities, const SubstepRecord& record, const Isa& isa,
                         int threads, int64_t max_pairs) {
     const std::lock_guard<std::mutex> alone(stepping_);
@@ -147,6 +159,7 @@ int64_t Solver::advance(const Fluid& fluid, float* positions, float* velocities,
         if (fluid.moving) place_moving(*fluid.moving, substep, moving);
         in_parallel(workers, fluid.count, portion,
                     [&](int, int32_t begin, int32_t end) { isa.compute_pressures(frame, substep, begin, end); });
+        if (fluid.impulses) add_impulses(frame, isa, workers, *fluid.impulses);
         in_parallel(workers, fluid.count, portion,
                     [&](int, int32_t begin, int32_t end) { isa.apply_pressures(frame, substep, begin, end); });
         if (fluid.moving) add_solid_work(fluid.count);

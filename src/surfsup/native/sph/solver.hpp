@@ -9,6 +9,7 @@
 #include "runtime/aligned.hpp"
 #include "runtime/arena.hpp"
 #include "sph/cell_list.hpp"
+#include "sph/impulses.hpp"
 #include "sph/moving_solids.hpp"
 #include "sph/parameters.hpp"
 
@@ -20,7 +21,8 @@ struct Fluid {
     const float *positions, *velocities, *predicted_positions, *solid_distance, *solid_normal;
     const float *gravity, *lower, *upper;
     BoundaryMapView boundary_map;
-    const MovingSolids* moving;  // nullptr where nothing moves
+    const MovingSolids* moving;   // nullptr where nothing moves
+    const ImpulseSums* impulses;  // nullptr where they are not requested
 };
 
 class Solver {
@@ -44,6 +46,7 @@ private:
     int64_t find_neighbors(const Frame& frame, const Isa& isa, int threads, int64_t max_pairs);
     void place_moving(const MovingSolids& moving, int substep, MovingFrame& placed);
     void add_solid_work(int32_t count);
+    void add_impulses(const Frame& frame, const Isa& isa, int threads, const ImpulseSums& sums);
 
     SolverParameters parameters_;
     // Reused from frame to frame; a second caller waits.
@@ -54,6 +57,7 @@ private:
     std::vector<MovingBoundary> moving_boundaries_;
     RigidStep moving_walls_{};
     double solid_work_ = 0;
+    std::vector<double> portion_impulses_;
     std::vector<Neighbors> neighbors_;
     std::vector<ParticleWork> work_;
     std::vector<Arena> arenas_, searching_;

@@ -47,10 +47,10 @@ StepResult step(Solver& solver, Fluid fluid, const SolidQuery& solid, bool handl
     if (handle_collisions && fluid.moving)
         resolve_moving_collisions(fluid.positions, state.positions, state.velocities, state.collided, fluid.count,
                                   {fluid.lower, fluid.upper}, parameters.collision, solid, &last_query, *fluid.moving,
-                                  parameters.frame_time);
+                                  parameters.frame_time, fluid.impulses);
     else if (handle_collisions)
         resolve_collisions(fluid.positions, state.positions, state.velocities, state.collided, fluid.count,
-                           {fluid.lower, fluid.upper}, parameters.collision, solid, &last_query);
+                           {fluid.lower, fluid.upper}, parameters.collision, solid, &last_query, fluid.impulses);
     return {pairs, work, true};
 }
 

@@ -26,11 +26,20 @@ def read_gltf(content: bytes) -> RawMesh:
     Raises:
         UnreadableMeshError: the file is damaged, keeps data elsewhere, or requires an extension that is not known.
     """
+    return joined([part for _, part in read_parts(content)])
+
+
+def read_parts(content: bytes) -> list[tuple[str, RawMesh]]:
+    """The triangles of each node with a mesh in the default scene, placed, with the name of the node or of its mesh.
+
+    Raises:
+        UnreadableMeshError: as :func:`read_gltf`.
+    """
     try:
         document, binary = chunks(content)
         refuse_extensions(document)
         with np.errstate(invalid="ignore", over="ignore"):  # numbers that are not finite are refused later
-            return read_scene(document, Accessors(document, binary))
+            return list(scene_parts(document, Accessors(document, binary)))
     except UnreadableMeshError:
         raise
     except (ValueError, KeyError, IndexError, TypeError, AttributeError, RecursionError, struct.error) as error:
@@ -77,19 +86,18 @@ def refuse_extensions(document: dict[str, Any]) -> None:
         )
 
 
-def read_scene(document: dict[str, Any], accessors: Accessors) -> RawMesh:
-    """The triangles of all meshes in the default scene."""
-    vertices, faces, remarks, count = [np.empty((0, 3))], [np.empty((0, 3), np.int64)], [], 0
+def scene_parts(document: dict[str, Any], accessors: Accessors) -> Iterator[tuple[str, RawMesh]]:
+    """The triangles of the meshes in the default scene, node by node."""
     read: dict[int, list[tuple[np.ndarray, np.ndarray]]] = {}
     for node, matrix in placed_nodes(document):
         if "mesh" not in node:
             continue
-        if "skin" in node:
-            remarks.append("has a skeleton; its shape is that without a pose")
+        remarks = ["has a skeleton; its shape is that without a pose"] if "skin" in node else []
         number = node["mesh"]
+        mesh = document["meshes"][number]
         if number not in read:
-            primitives = document["meshes"][number]["primitives"]
-            read[number] = [read_primitive(document, accessors, one) for one in primitives]
+            read[number] = [read_primitive(document, accessors, one) for one in mesh["primitives"]]
+        vertices, faces, count = [np.empty((0, 3))], [np.empty((0, 3), np.int64)], 0
         for points, triangles in read[number]:
             if triangles.size and (triangles.min() < 0 or triangles.max() >= len(points)):
                 raise UnreadableMeshError("is damaged: faces refer to vertices that do not exist; export it again")
@@ -97,7 +105,17 @@ def read_scene(document: dict[str, Any], accessors: Accessors) -> RawMesh:
             vertices.append(points @ matrix[:3, :3].T + matrix[:3, 3])
             faces.append((triangles[:, ::-1] if mirrored else triangles) + count)
             count += len(points)
-    return RawMesh(np.concatenate(vertices), np.concatenate(faces), sorted(set(remarks)))
+        name = str(node.get("name") or mesh.get("name") or f"mesh {number}")
+        yield name, RawMesh(np.concatenate(vertices), np.concatenate(faces), remarks)
+
+
+def joined(parts: list[RawMesh]) -> RawMesh:
+    """Several meshes as one."""
+    counts = np.cumsum([0, *(len(part.vertices) for part in parts)])
+    vertices = np.concatenate([np.empty((0, 3)), *(part.vertices for part in parts)])
+    shifted = [part.faces + count for part, count in zip(parts, counts, strict=False)]
+    faces = np.concatenate([np.empty((0, 3), np.int64), *shifted])
+    return RawMesh(vertices, faces, sorted({remark for part in parts for remark in part.remarks}))
 
 
 def placed_nodes(document: dict[str, Any]) -> Iterator[tuple[dict[str, Any], np.ndarray]]:

@@ -1,0 +1,1 @@
+"""Rigid bodies that water, gravity and contacts move."""

@@ -1,0 +1,141 @@
+"""The live page, clicked on in headless Chromium."""
+
+import shutil
+import socket
+import threading
+import time
+
+import numpy as np
+import pytest
+
+import surfsup as sf
+from surfsup.live.page import speed_colors, tilted_gravity
+from surfsup.live.serve import LiveServer
+from surfsup.scene import Scene
+
+pytest.importorskip("viser")
+SCENE = """
+container: {size: [0.6, 0.6, 1]}
+surface: {sphere: {radius: 0.1}, at: [0, 0, 0.1]}
+fluid: [{block: {min: [-0.1, -0.1, 0.3], max: [0.1, 0.1, 0.5]}}]
+"""
+CHROMIUM = shutil.which("chromium")
+FLAGS = [
+    "--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--disable-background-networking",
+    "--disable-component-update", "--disable-sync", "--disable-quic", "--no-first-run",
+]  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def served(tmp_path_factory):
+    """A server that runs in a thread, its world and its address."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = probe.getsockname()[1]
+    folder = tmp_path_factory.mktemp("live")
+    server, ended = LiveServer(Scene.from_yaml(SCENE, "test"), folder, port=port), threading.Event()
+    loop = threading.Thread(target=server.run, args=(ended.is_set,))
+    loop.start()
+    yield server._world, f"http://127.0.0.1:{port}"
+    ended.set()
+    loop.join(30)
+    server.close()
+    assert not loop.is_alive()
+
+
+@pytest.fixture(scope="module")
+def browser():
+    sync_api = pytest.importorskip("playwright.sync_api")
+    if CHROMIUM is None:
+        pytest.skip("needs chromium")
+    with sync_api.sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
+        yield browser
+        browser.close()
+
+
+@pytest.fixture
+def page(served, browser):
+    page = browser.new_page(viewport={"width": 640, "height": 480})
+    page.set_default_timeout(60_000)
+    page.goto(served[1])
+    page.get_by_role("button", name="Reset").wait_for()
+    yield page
+    page.close()
+
+
+def wait_for(condition, seconds=60):
+    end = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < end, "nothing happened"
+        time.sleep(0.05)
+
+
+def click(page, name):
+    page.get_by_role("button", name=name, exact=True).click()
+
+
+def test_water_runs_pauses_steps_and_starts_anew(served, page):
+    world, _ = served
+    wait_for(lambda: world.simulation.time > 0.05)
+    page.get_by_text("of real time").wait_for()
+    click(page, "Pause")
+    page.get_by_text("paused").wait_for()
+    time.sleep(0.2)
+    time_then = world.simulation.time
+    click(page, "Step")
+    wait_for(lambda: world.simulation.time > time_then)
+    assert world.simulation.time == pytest.approx(time_then + 0.005)
+    click(page, "Reset")
+    wait_for(lambda: world.simulation.time == 0)
+    click(page, "Resume")
+    wait_for(lambda: world.simulation.time > 0.05)
+
+
+def test_water_is_poured_recorded_and_tilted_and_the_solid_moves(served, page):
+    world, _ = served
+    click(page, "Reset")
+    wait_for(lambda: world.simulation.time < 0.5)
+    click(page, "Record")
+    wait_for(lambda: world.recording is not None)
+    path, count = world.recording, len(world.frame.positions)
+    click(page, "Stop recording")
+    page.get_by_text("recorded").wait_for()
+    with sf.Trajectory(path) as trajectory:
+        assert len(trajectory) >= 1 and trajectory.positions.shape[1] == count
+
+    click(page, "Pour")
+    wait_for(lambda: len(world.frame.positions) > count)
+    page.get_by_text("particles poured").wait_for()
+
+    page.get_by_role("button", name="right", exact=True).or_(page.get_by_text("right", exact=True)).first.click()
+    wait_for(lambda: world.frame.poses["solid"].position[0] > 0.04)
+
+    tilt = page.get_by_role("slider").nth(3)  # after those of the block's side and height: the tilt about y
+    tilt.focus()
+    for _ in range(5):
+        tilt.press("ArrowRight")
+    wait_for(lambda: world._gravity[0] < -0.1)
+
+
+def test_a_browser_that_left_does_not_end_it(served, browser):
+    world, address = served
+    for _ in range(2):
+        page = browser.new_page(viewport={"width": 640, "height": 480})
+        page.goto(address, timeout=60_000)
+        time_then = world.simulation.time
+        wait_for(lambda time_then=time_then: world.simulation.time != time_then)
+        page.close()
+
+
+def test_fast_water_is_white_and_slow_water_blue():
+    colors = speed_colors(np.array([[0, 0, 0], [0, 3.0, 0]], np.float32), 3.0).astype(int)
+    assert colors[0, 2] > 2 * colors[0, 0] and colors[1].min() > 230
+
+
+def test_gravity_keeps_its_strength_when_it_is_tilted():
+    down = (0.0, 0.0, -9.81)
+    np.testing.assert_allclose(tilted_gravity(down, 0, 0), down, atol=1e-9)
+    np.testing.assert_allclose(tilted_gravity(down, np.pi / 2, 0), (0, 9.81, 0), atol=1e-9)
+    np.testing.assert_allclose(tilted_gravity(down, 0, np.pi / 2), (-9.81, 0, 0), atol=1e-9)
+    assert np.linalg.norm(tilted_gravity((1.0, 2.0, -3.0), 0.4, -1.0)) == pytest.approx(14**0.5)

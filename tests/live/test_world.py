@@ -1,0 +1,123 @@
+import numpy as np
+import pytest
+
+import surfsup as sf
+from surfsup.errors import InputError
+from surfsup.live.world import SOLID, LiveWorld
+from surfsup.scene import Scene
+from surfsup.scene.pose import Pose
+
+SCENE = """
+container: {size: [0.6, 0.6, 1]}
+surface: {sphere: {radius: 0.1}, at: [0, 0, 0.1]}
+fluid: [{block: {min: [-0.1, -0.1, 0.3], max: [0.1, 0.1, 0.5]}}]
+"""
+
+
+@pytest.fixture
+def world(tmp_path):
+    world = LiveWorld(Scene.from_yaml(SCENE, "test"), tmp_path / "recordings")
+    yield world
+    world.stop_recording()
+
+
+def count(world):
+    return len(world.frame.positions)
+
+
+def test_without_a_command_the_water_is_that_of_a_simulation(world):
+    simulation = sf.Simulation(world.scene, device="cpu")
+    simulation.set_pose(SOLID, (0, 0, 0.1))
+    for _ in range(40):
+        np.testing.assert_array_equal(world.step().positions, simulation.step().positions)
+
+
+def test_water_is_poured_where_there_is_room(world):
+    before = count(world)
+    assert world.pour((0, 0, 0.8), (0.2, 0.2, 0.2)) == 125 and count(world) == before + 125
+    assert world.pour((0, 0, 0.8), (0.2, 0.2, 0.2)) == 0, "water is there"
+    assert world.pour((0, 0, 0.1), (0.15, 0.15, 0.15)) == 0, "the solid is there"
+    assert world.pour((5, 0, 0.5), (0.2, 0.2, 0.2)) == 0, "outside of the container"
+    for _ in range(60):
+        frame = world.step()
+    assert np.isfinite(frame.positions).all() and frame.positions[-125:, 2].mean() < 0.7
+    distance = np.linalg.norm(frame.positions - [0, 0, 0.1], axis=1)
+    assert distance.min() > 0.1
+
+
+def test_too_much_water_is_refused_and_nothing_changes(world):
+    before = count(world)
+    with pytest.raises(InputError, match="too many to be live"):
+        LiveWorld(Scene.from_yaml(SCENE.replace("size: [0.6, 0.6, 1]", "size: [9, 9, 9]"), "test"), None).pour(
+            (0, 0, 4), (3, 3, 3)
+        )
+    with pytest.raises(InputError, match="too many to be live"):
+        world.set_particle_radius(0.001)
+    with pytest.raises(InputError, match="thick"):
+        world.pour((0, 0, 0.8), (0.2, 0.2, 0.01))
+    assert count(world) == before and world.scene.particle_radius == 0.015
+
+
+def test_tilted_gravity_takes_the_water_aside_until_the_reset(world):
+    world.set_gravity((9.81, 0, 0))
+    for _ in range(30):
+        frame = world.step()
+    assert frame.velocities[:, 0].mean() > 1 and abs(frame.velocities[:, 2].mean()) < 0.1
+    world.reset()
+    for _ in range(10):
+        frame = world.step()
+    assert frame.velocities[:, 2].mean() < -0.3 and abs(frame.velocities[:, 0].mean()) < 0.1
+
+
+def test_the_solid_follows_and_returns_at_a_reset(world):
+    world.move(SOLID, Pose.of((0.1, 0, 0.1)))
+    for _ in range(50):
+        frame = world.step()
+    np.testing.assert_allclose(frame.poses[SOLID].position, [0.1, 0, 0.1], atol=1e-9)
+    world.reset()
+    np.testing.assert_allclose(world.step().poses[SOLID].position, [0, 0, 0.1], atol=1e-9)
+
+
+def test_particles_of_another_size_start_anew(world):
+    world.set_gravity((0, 0, -5))
+    before = count(world)
+    world.set_particle_radius(0.01)
+    assert count(world) > 2 * before and world.simulation.time == 0
+    assert world.step().velocities[:, 2].mean() == pytest.approx(-5 * world.frame_time, rel=0.05)
+
+
+def test_a_recording_is_a_trajectory_that_ends_where_the_number_of_particles_changes(world):
+    path = world.start_recording()
+    for _ in range(5):
+        frame = world.step()
+    assert world.recording == path
+    world.pour((0, 0, 0.8), (0.2, 0.2, 0.2))
+    assert world.recording is None
+    with sf.Trajectory(path) as trajectory:
+        assert len(trajectory) == 6
+        np.testing.assert_array_equal(trajectory.positions[-1], frame.positions)
+        assert list(trajectory.poses) == [SOLID]
+    assert world.start_recording().name == "recording-002.h5", "no recording is replaced"
+
+
+def test_an_unusable_folder_is_named(tmp_path):
+    (tmp_path / "file").write_text("")
+    world = LiveWorld(Scene.from_yaml(SCENE, "test"), tmp_path / "file")
+    with pytest.raises(InputError, match="file: cannot be made"):
+        world.start_recording()
+
+
+def test_water_is_poured_beside_that_of_a_tap(tmp_path):
+    tap = "taps: [{disc: {radius: 0.05}, at: [0.15, 0.15, 0.8], direction: [0, 0, -1], speed: 1}]\n"
+    world = LiveWorld(Scene.from_yaml(SCENE + tap, "test"), tmp_path)
+    start = count(world)
+    for _ in range(20):
+        world.step()
+    entered = count(world) - start
+    assert entered > 0
+    assert world.pour((-0.15, -0.15, 0.7), (0.15, 0.15, 0.15)) > 0
+    for _ in range(20):
+        frame = world.step()
+    assert np.isfinite(frame.positions).all() and count(world) > start + entered
+    with pytest.raises(InputError, match="taps"):
+        world.start_recording()

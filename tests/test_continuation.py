@@ -1,0 +1,96 @@
+"""An interrupted simulation is continued; `tests/cli/test_resume.py` interrupts the program itself."""
+
+from itertools import islice
+
+import numpy as np
+import pytest
+
+from surfsup import InputError, Scene, Simulation, Trajectory
+from surfsup.continuation import Continuation
+from surfsup.io.output_folder import OutputFolder
+from surfsup.io.trajectory import Provenance
+
+SCENE = """
+surface: {sphere: {radius: 0.15}, at: [0, 0, 0.15]}
+fluid: [{block: {min: [-0.1, -0.1, 0.33], max: [0.1, 0.1, 0.5]}}]
+frames: 12
+"""
+TAP = """
+container: {size: [1, 1, 1]}
+taps: [{disc: {radius: 0.06}, at: [0, 0, 0.3], speed: 1}]
+drains: [{box: {size: [1, 1, 0.1]}}]
+frames: 60
+"""
+MOVING = """
+surfaces:
+  paddle: {box: {size: [0.3, 0.05, 0.2]}, at: [0, 0, 0.1], motion: {spin: {axis: [0, 0, 1], turns: 1}}}
+fluid: [{block: {min: [-0.1, -0.1, 0.33], max: [0.1, 0.1, 0.5]}}]
+forces: all
+frames: 12
+"""
+
+
+def simulate(scene):
+    return Simulation(scene, device="cpu")
+
+
+def written(folder, scene, frames):
+    """The first frames of a scene as an interrupted run leaves them."""
+    scene = scene if isinstance(scene, Scene) else Scene.from_yaml(scene, "test")
+    simulation = simulate(scene)
+    output = OutputFolder(folder, simulation.most_ids(), scene.frames)
+    run = [(f.positions, f.velocities, f.poses, f.ids, f.forces) for f in islice(simulation.run(), frames)]
+    output.record(scene, simulation.motion.solids, run, Provenance("dfsph"), "cpu", lambda done, total: None)
+    return scene, output
+
+
+@pytest.mark.parametrize("text", [SCENE, MOVING, TAP], ids=["still", "moving", "taps"])
+def test_the_frames_of_the_file_stay_and_the_rest_follows(tmp_path, text):
+    scene, output = written(tmp_path / "a", text, Scene.from_yaml(text, "test").frames // 2)
+    _, whole = written(tmp_path / "b", text, scene.frames)
+    rest = Continuation(output.trajectory, scene, simulate)
+    solids = rest.simulation.motion.solids
+    folder = OutputFolder(tmp_path / "a", rest.most_ids, scene.frames)
+    summary = folder.record(scene, solids, rest.frames(), Provenance("dfsph"), "cpu", lambda done, total: None)
+    assert summary.frames == scene.frames
+    with Trajectory(folder.trajectory) as ours, Trajectory(whole.trajectory) as theirs:
+        assert ours.start_time == 0
+        assert ours.scene.to_yaml() == theirs.scene.to_yaml()
+        assert ours.positions.shape == theirs.positions.shape
+        half = scene.frames // 2
+        np.testing.assert_array_equal(ours.positions[:half], theirs.positions[:half])
+        for number in range(scene.frames):
+            np.testing.assert_array_equal(ours.ids(number), theirs.ids(number))
+        np.testing.assert_allclose(ours.positions[:], theirs.positions[:], atol=1e-4)
+        assert list(ours.poses) == list(theirs.poses)
+        for name, poses in ours.poses.items():
+            np.testing.assert_allclose(poses, theirs.poses[name], atol=1e-9)
+        for name, forces in ours.forces.items():
+            np.testing.assert_allclose(forces, theirs.forces[name], atol=0.3)
+
+
+def test_more_frames_may_be_requested(tmp_path):
+    scene, output = written(tmp_path, SCENE, 12)
+    rest = Continuation(output.trajectory, scene.with_frames(15), simulate)
+    assert len(list(rest.frames())) == 15
+
+
+@pytest.mark.parametrize(
+    ("changed", "message"),
+    [
+        (SCENE, "has all 12 frames already; give more --frames"),
+        (SCENE.replace("0.15}", "0.14}"), "is of another scene or other options"),
+        (SCENE + "gravity: [0, 0, -1]", "is of another scene or other options"),
+    ],
+)
+def test_what_cannot_be_continued_is_refused_in_one_line(tmp_path, changed, message):
+    _, output = written(tmp_path, SCENE, 12)
+    with pytest.raises(InputError, match=message) as error:
+        Continuation(output.trajectory, Scene.from_yaml(changed, "changed"), simulate)
+    assert "\n" not in str(error.value)
+    assert str(output.trajectory) in str(error.value)
+
+
+def test_without_a_file_there_is_nothing_to_continue(tmp_path):
+    with pytest.raises(InputError, match="there is no interrupted simulation; omit --resume"):
+        Continuation(tmp_path / "trajectory.h5", Scene.from_yaml(SCENE, "test"), simulate)
