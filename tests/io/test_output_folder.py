@@ -64,6 +64,9 @@ def test_particles_that_cannot_have_reached_the_solid_are_not_queried_and_the_co
             queried.append(len(points))
             return super().distance(points)
 
+        def native_solid(self):
+            return None  # C++ would not count
+
     rng = np.random.default_rng(1)
     positions = rng.uniform(-0.6, 0.6, (500, 3)).astype(np.float32)
     velocities = rng.normal(0, 0.02, positions.shape).astype(np.float32)

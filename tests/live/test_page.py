@@ -117,6 +117,10 @@ def test_water_is_poured_recorded_and_tilted_and_the_solid_moves(served, page):
         tilt.press("ArrowRight")
     wait_for(lambda: world._gravity[0] < -0.1)
 
+    page.get_by_role("combobox", name="radius").click()
+    page.get_by_role("option", name="20 mm").click()
+    wait_for(lambda: world.scene.particle_radius == 0.02)
+
 
 def test_a_browser_that_left_does_not_end_it(served, browser):
     world, address = served

@@ -53,6 +53,32 @@ def test_axes_are_a_right_handed_rotation(direction):
     assert np.linalg.det(axes) == pytest.approx(1)
 
 
+class TestWayOut:
+    """A disc of 5 cm that points down, with layers 10 cm apart, guides water up to 0.2 m and half a layer."""
+
+    def way(self, point, tap=None):
+        ways, ahead = (tap or nozzle()).way_out(np.array([point], float), front=0.2)
+        return ways[0], ahead[0]
+
+    @pytest.mark.parametrize("point", [(0.06, 0, -0.1), (0, 0, 0.06), (0, 0, -0.26), (0, 0.05, -0.1)])
+    def test_points_outside_stay(self, point):
+        way, ahead = self.way(point)
+        assert not way.any() and not ahead
+
+    def test_the_shortest_way_out_is_sideways_back_or_ahead(self):
+        np.testing.assert_allclose(self.way((0.04, 0, -0.1))[0], (0.01, 0, 0), atol=1e-12)
+        np.testing.assert_allclose(self.way((0, 0, 0.045))[0], (0, 0, 0.005), atol=1e-12)
+        way, ahead = self.way((0, 0, -0.245))
+        np.testing.assert_allclose(way, (0, 0, -0.005), atol=1e-12)
+        assert ahead
+
+    def test_a_rectangle_is_left_through_its_nearest_side(self):
+        axes = nozzle_axes((0, 0, -1))
+        tap = Nozzle(np.zeros(3), axes, np.zeros((4, 2)), np.array([0.1, 0.05]), False, 1.0, 0.1, 0.0, 9.0, 0.06)
+        np.testing.assert_allclose(self.way((0.08, 0.02, -0.1), tap)[0], (0.02, 0, 0), atol=1e-12)
+        np.testing.assert_allclose(self.way((0.02, -0.04, -0.1), tap)[0], (0, -0.01, 0), atol=1e-12)
+
+
 def test_layers_pass_the_opening_in_the_middle_of_their_intervals():
     np.testing.assert_allclose(nozzle().layer_times(0.0, 0.26), [0.05, 0.15, 0.25])
     np.testing.assert_allclose(nozzle(start=1.0, until=1.2).layer_times(0.0, 9.0), [1.05, 1.15])

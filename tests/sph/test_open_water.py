@@ -43,6 +43,26 @@ class TestTaps:
                 assert max_density(kd_tree(frame.positions)) < 1.03
                 assert frame.velocities[:, 2].max() < 2.0 + 0.4
 
+    @needs_native
+    @pytest.mark.parametrize(
+        "tap",
+        [
+            "at: [0, 0, 0.02], direction: [0, 0, 1], speed: 2",  # in the floor
+            "at: [-0.18, 0, 0.1], direction: [1, 0, 0], speed: 1",  # in a wall
+            "at: [0, 0, 0.12], direction: [1, 0, 0], speed: 1",  # in the middle of the water
+        ],
+    )
+    def test_a_tap_under_water_pushes_it_aside(self, tap):
+        text = (
+            "container: {size: [0.4, 0.4, 0.8]}\n"
+            "fluid: [{block: {min: [-0.19, -0.19, 0.01], max: [0.19, 0.19, 0.2]}}]\n"
+            f"taps: [{{disc: {{radius: 0.06}}, {tap}, from: 0.05}}]"
+        )
+        frames = frames_of(text, 0.4)
+        # The layer that comes first compresses the water for a frame.
+        assert np.mean([max_density(kd_tree(frame.positions)) < 1.1 for frame in frames[16::2]]) > 0.85
+        assert frames[-1].positions[:, 2].mean() > frames[9].positions[:, 2].mean()
+
     def test_a_falling_jet_gains_the_speed_of_its_fall(self):
         frame = frames_of("container: none\ntaps: [{disc: {radius: 0.08}, at: [0, 0, 1], speed: 4}]\n", 0.3)[-1]
         depth = 1 - frame.positions[:, 2]

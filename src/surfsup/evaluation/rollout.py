@@ -102,7 +102,7 @@ def write_rollout(
         for number, (state, collided) in enumerate(rollout):
             values = (state.positions.cpu().numpy(), state.velocities.cpu().numpy())
             writer.append(*values, poses_of(environment, number), getattr(state, "ids", None))
-            collided_shares.append(float(collided.float().mean()))
+            collided_shares.append(float(collided.float().mean()) if len(collided) else 0.0)
             progress(len(collided_shares))
         for number in range(len(collided_shares), frames):
             writer.append(lost, lost, poses_of(environment, number))

@@ -12,6 +12,7 @@ import numpy as np
 from surfsup.live.world import LiveWorld
 from surfsup.scene import quaternion
 from surfsup.scene.pose import Pose
+from surfsup.scene.solids import CONTAINER
 from surfsup.simulation import Frame
 from surfsup.viewing.camera import FIELD_OF_VIEW, fit_camera
 from surfsup.viewing.moving_mesh import container_corners
@@ -70,7 +71,7 @@ class LivePage:
             corners = container_corners(size, {}, 0)
             pairs = [(i, (i + 1) % 4) for i in range(4)]
             pairs += [(a + 4, b + 4) for a, b in pairs] + [(i, i + 4) for i in range(4)]
-            scene.add_line_segments(
+            self._solids[CONTAINER] = scene.add_line_segments(
                 "container", np.array([[corners[a], corners[b]] for a, b in pairs]), EDGE_COLOR, thickness=0.003
             )
         solids = world.simulation.motion.solids
@@ -91,9 +92,10 @@ class LivePage:
         """Draw the water and the solids of a frame."""
         style = self._style.value
         with self._server.atomic():
-            for name, handle in self._solids.items():
-                pose = frame.poses[name]
-                handle.position, handle.wxyz = tuple(pose.position), tuple(pose.rotation)
+            for name, pose in frame.poses.items():
+                if name in self._solids:
+                    handle = self._solids[name]
+                    handle.position, handle.wxyz = tuple(pose.position), tuple(pose.rotation)
             if style != self._style_shown and self._water is not None:
                 self._water.remove()
                 self._water = None
@@ -164,7 +166,7 @@ class LivePage:
             label = f"{1000 * world.scene.particle_radius:g} mm"
             sizes = RADII if label in RADII else {label: world.scene.particle_radius, **RADII}
             radius = gui.add_dropdown("radius", tuple(sizes), initial_value=label)
-            radius.on_update(lambda _: self._send(lambda world: world.set_particle_radius(sizes[radius.value])))
+            radius.on_update(lambda _: self._send(lambda world: self._restart(world, sizes[radius.value])))
 
     def _button(self, label: str, command: Command) -> Any:
         button = self._server.gui.add_button(label)
@@ -188,10 +190,18 @@ class LivePage:
         world.reset()
         for tilt in self._tilts:
             tilt.value = 0.0
+        self._show_start(world)
+        return "back at the start"
+
+    def _restart(self, world: LiveWorld, radius: float) -> str:
+        world.set_particle_radius(radius)
+        self._show_start(world)
+        return f"{len(world.frame.positions):,} particles of {1000 * radius:g} mm"
+
+    def _show_start(self, world: LiveWorld) -> None:
         for name in world.movable:
             self._handles[name].place(world.frame.poses[name])
         self.show(world.frame, world)
-        return "back at the start"
 
     def _toggle_recording(self, world: LiveWorld) -> str:
         if world.recording is None:

@@ -64,8 +64,8 @@ class Nozzle:
     def way_out(self, points: np.ndarray, front: float) -> tuple[np.ndarray, np.ndarray]:
         """The shortest way out of the water that a tap guides, for points in it.
 
-        That water reaches from half the distance of two layers before the opening to ``front`` behind it. From before
-        the opening the way is sideways or back, from behind it sideways or ahead.
+        That water reaches from half the distance of two layers before the opening to as far beyond ``front``. From
+        before the opening the way is sideways or back, from behind it sideways or ahead.
 
         Args:
             points: (N, 3), meters.
@@ -76,6 +76,7 @@ class Nozzle:
         """
         across, along = (points - self.center) @ self.axes[:2].T, (points - self.center) @ self.axes[2]
         back = -0.5 * self.interval * self.speed
+        front -= back
         if self.is_disc:
             distance = np.hypot(*across.T)
             depth = self.half[0] - distance

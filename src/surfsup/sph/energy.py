@@ -50,7 +50,7 @@ def limit_energy_gain(
         velocities: after it, m/s.
         environment: gravity.
         part: of a frame that the step takes, in C++ only.
-        supplied: energy from outside, mean J/kg: the work of moving solids, in C++ only.
+        supplied: energy from outside, mean J/kg: the work of moving solids and of taps, in C++ only.
     """
     gravity = environment.gravity
     if not can_run_native(state.positions, state.velocities, positions, velocities, gravity):

@@ -46,6 +46,7 @@ class Environment:
         unmoved: the same without that motion and those impulses; None without either.
         solids: all solids; None where forces on them are never requested.
         impulses: of the next frame, to which the solver adds; None where they are not requested.
+        supplied_energy: that taps have brought into the fluid and the next frame may release, mean J/kg.
     """
 
     surface: Surface | None
@@ -58,6 +59,7 @@ class Environment:
     unmoved: Environment | None = None
     solids: Solids | None = None
     impulses: Impulses | None = None
+    supplied_energy: float = 0.0
 
     def __getstate__(self) -> dict[str, object]:
         """The fields alone: cached native objects can be neither copied nor pickled."""
@@ -106,6 +108,10 @@ class Environment:
         """The same, for a frame whose impulses on the solids are requested."""
         assert self.solids is not None, "the environment was made without its solids"
         return replace(self, impulses=Impulses(self.solids), unmoved=self.base)
+
+    def supplied(self, energy: float) -> Environment:
+        """The same, for a frame that may release an ``energy`` that taps have brought, mean J/kg."""
+        return replace(self, supplied_energy=energy, unmoved=self.base)
 
     @property
     def base(self) -> Environment:

@@ -173,16 +173,18 @@ class WithTaps(Simulator[OpenState]):
         Raises:
             SimulationError: as the simulator itself.
         """
+        if state.layers:
+            environment = environment.supplied(self.passages.taps.energy(state.layers) / max(1, len(state.ids)))
         fluid, collided = self.simulator.step(state.fluid, environment, handle_collisions)
         after = replace(state, fluid=fluid, frame=state.frame + 1)
         motion = self._carriers(environment)
-        after = self._guided(after, motion)
-        if after.layers:
-            after = self._cleared(state, after, motion, environment, handle_collisions)
+        after = self._guided(after, motion, environment.gravity)
         kept = self._kept(state, after, motion)
         after = replace(after.only(kept), drained=after.drained + int((~kept).sum()))
         after = self._supplied(after, state.time, motion)
         added = len(after.ids) - int(kept.sum())
+        if after.layers:
+            after = self._cleared(state.only(kept), after, motion, environment, handle_collisions)
         moved = collided[torch.from_numpy(kept).to(collided.device)]
         return after, torch.cat([moved, moved.new_zeros(added)])
 
@@ -196,12 +198,21 @@ class WithTaps(Simulator[OpenState]):
             return CarrierMotion(rest, rest, FRAME_TIME)
         return CarrierMotion({**rest, **motion.start}, {**rest, **motion.end}, motion.seconds)
 
-    def _guided(self, state: OpenState, motion: CarrierMotion) -> OpenState:
-        """The state with its guided layers where their taps take them; those that now flow freely are released."""
+    def _guided(self, state: OpenState, motion: CarrierMotion, gravity: Tensor) -> OpenState:
+        """The state with its guided layers where their taps take them; those that now flow freely are released.
+
+        A layer that was guided for a part of the frame falls freely for the rest of it alone.
+        """
         layers = tuple(layer for layer in state.layers if self.passages.taps.guides(layer, state.time))
-        if layers:
+        if state.layers:
             positions, velocities = state.positions.clone(), state.velocities.clone()
-            for layer in layers:
+            for layer in state.layers:
+                if not self.passages.taps.guides(layer, state.time):
+                    free = min(FRAME_TIME, state.time - layer.time - self.passages.taps.nozzles[layer.tap].guide)
+                    index = torch.from_numpy(rows_of(layer.ids, state.ids)[0]).to(positions.device)
+                    positions[index] -= 0.5 * (FRAME_TIME**2 - free**2) * gravity
+                    velocities[index] -= (FRAME_TIME - free) * gravity
+                    continue
                 place, velocity = self.passages.taps.place(layer, state.time, motion)
                 rows, there = rows_of(layer.ids, state.ids)
                 index = torch.from_numpy(rows).to(positions.device)

@@ -168,7 +168,8 @@ def finish_step(
         handle_collisions: whether to move particles out of solid and walls.
         part: of a frame that the step takes.
     """
-    positions, velocities = limit_energy_gain(state, positions, velocities, environment, part)
+    supplied = environment.supplied_energy
+    positions, velocities = limit_energy_gain(state, positions, velocities, environment, part, supplied)
     if not handle_collisions:
         return ParticleState(positions, velocities), torch.zeros(
             len(positions), dtype=torch.bool, device=positions.device

@@ -18,6 +18,9 @@ from surfsup.scene import SPACING
 from surfsup.scene.nozzle import Nozzle
 from surfsup.scene.pose import Pose, between
 
+# J/kg that a particle brings when its layer comes where water is: at most 64 of each in the first layer of a tap that
+# opens under water, then up to 6 (measured).
+PUSH = 100.0
 FOUND = 0.1 * SPACING  # meters from where a guided particle should be, within which it is recognized
 
 
@@ -97,6 +100,13 @@ class Taps:
         carried = (positions - start.apply(points)) / motion.seconds
         return positions, carried + end.matrix @ nozzle.velocity
 
+    def energy(self, layers: Sequence[Layer]) -> float:
+        """At most what guided ``layers`` bring into the fluid in a frame, the sum over particles in J/kg.
+
+        In air they bring nothing. In water they push it aside, and a layer that comes where water is compresses it.
+        """
+        return sum(len(layer.ids) * (PUSH + self.nozzles[layer.tap].speed ** 2) for layer in layers)
+
     def cleared(
         self, layers: Sequence[Layer], time: float, motion: CarrierMotion, positions: np.ndarray, velocities: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -118,16 +128,20 @@ class Taps:
             if not ages:
                 continue
             pose = Pose.of() if nozzle.carrier is None else motion.end[nozzle.carrier]
-            own = pose.to_own(positions)
-            ways, ahead = nozzle.way_out(own, nozzle.speed * max(ages))
-            rows = np.flatnonzero(ways.any(axis=1))
-            if not len(rows):
+            front = nozzle.speed * max(ages)
+            own = positions if nozzle.carrier is None else pose.to_own(positions)
+            reach = float(np.linalg.norm(nozzle.half)) + front + nozzle.speed * nozzle.interval
+            near = np.flatnonzero((np.abs(own - nozzle.center) < reach).all(axis=1))
+            ways, ahead = nozzle.way_out(own[near], front)
+            inside = ways.any(axis=1)
+            if not inside.any():
                 continue
+            rows, ways, ahead = near[inside], ways[inside], ahead[inside]
             before = Pose.of() if nozzle.carrier is None else motion.start[nozzle.carrier]
-            ways = ways[rows] @ pose.matrix.T
+            ways = ways @ pose.matrix.T
             towards = ways / np.linalg.norm(ways, axis=1, keepdims=True)
             pipe = (positions[rows] - before.apply(own[rows])) / motion.seconds
-            pipe += ahead[rows, None] * (pose.matrix @ nozzle.velocity)
+            pipe += ahead[:, None] * (pose.matrix @ nozzle.velocity)
             lacking = np.maximum(0.0, ((pipe - velocities[rows]) * towards).sum(axis=1))
             positions, velocities = positions.copy(), velocities.copy()
             positions[rows] += ways

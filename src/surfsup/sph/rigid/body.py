@@ -1,6 +1,6 @@
 """A rigid body: mass, the points at which it touches others, and its motion in a frame.
 
-Rigid-body dynamics as in D. Baraff, "Physically based modeling: rigid body simulation", SIGGRAPH course notes, 2001.
+Rigid-body dynamics as in D. Baraff, "Physically based modeling: rigid body simulation", SIGGRAPH tutorial notes, 2001.
 The coupling to the fluid is partitioned: a frame of the fluid with the body's motion, then a frame of the body with the
 force of that frame. A body that is lighter than the water it accelerates makes such a scheme unstable (P. Causin,
 J.-F. Gerbeau and F. Nobile, "Added-mass effect in the design of partitioned algorithms for fluid-structure problems",

@@ -231,8 +231,9 @@ class WarpSolver:
         """The boundary of the environment for particles at ``positions``, with all kernels loaded."""
         load_engine(positions.dtype, str(positions.device), with_gradient)
         dtype, device = positions.dtype, positions.device
-        if self._last is None or self._last[0] is not environment or self._last[1:3] != (dtype, device):
-            self._last = environment, dtype, device, boundary_of(environment, precision_of(dtype), positions)
+        scene = environment.base
+        if self._last is None or self._last[0] is not scene or self._last[1:3] != (dtype, device):
+            self._last = scene, dtype, device, boundary_of(environment, precision_of(dtype), positions)
         return self._last[3]
 
 
