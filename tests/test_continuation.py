@@ -2,6 +2,7 @@
 
 from itertools import islice
 
+import h5py
 import numpy as np
 import pytest
 
@@ -94,3 +95,12 @@ def test_what_cannot_be_continued_is_refused_in_one_line(tmp_path, changed, mess
 def test_without_a_file_there_is_nothing_to_continue(tmp_path):
     with pytest.raises(InputError, match="there is no interrupted simulation; omit --resume"):
         Continuation(tmp_path / "trajectory.h5", Scene.from_yaml(SCENE, "test"), simulate)
+
+
+def test_particles_that_met_in_a_splash_do_not_stop_it(tmp_path):
+    scene, output = written(tmp_path, SCENE, 6)
+    with h5py.File(output.trajectory, "a") as file:
+        positions = file["00000/position"][:]
+        positions[-1, 1] = positions[-1, 0] + np.float32(1e-4)
+        file["00000/position"][:] = positions
+    assert len(list(Continuation(output.trajectory, scene, simulate).frames())) == 12

@@ -13,7 +13,7 @@ def test_it_lists_them_with_what_they_show(surfsup):  # noqa: F811
     status, printed, _ = surfsup("examples")
     assert status == 0
     assert "teacup           A teacup of primitives, filled to a level with particles 3 mm across\n" in printed
-    assert "knot             a mesh that water falls on\n" in printed
+    assert "knot             A mesh that water falls on\n" in printed
 
 
 def test_it_simulates_one(surfsup, tmp_path, monkeypatch):  # noqa: F811

@@ -33,6 +33,7 @@ def message(text: str) -> str:
             "major_radius",
         ),
         ("fluid: [{blok: {}}]", "fluid.0.blok", "block"),
+        (WATER + "surfaces: {cup: {sphere: {raduis: 0.1}}}", "surfaces.cup.sphere.raduis", "radius"),
         ("fluid: [{block: {min: [0, 0, 0], maxx: [1, 1, 1]}}]", "fluid.0.block.maxx", "max"),
     ],
 )

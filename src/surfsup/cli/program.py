@@ -40,6 +40,8 @@ from surfsup.cli.view import render, view
 from surfsup.cli.warning_lines import one_line_warnings
 from surfsup.errors import InputError, Interrupted, SimulationError
 
+NO_NUMBER = "Input should be a valid number, unable to parse string as a number"  # the words of typer's validation
+
 app = typer.Typer(
     name="surfsup",
     help="Pour water on any surface.",
@@ -79,6 +81,7 @@ def main() -> None:
         sys.stdout.flush()
     except (InputError, typer.TyperException) as error:
         message = error.format_message() if isinstance(error, typer.TyperException) else str(error)
+        message = message.replace(NO_NUMBER, "it must be a number, without a unit (lengths are in meters)")
         sys.stderr.write(f"surfsup: {message}\n")
         sys.exit(BAD_INPUT)
     except SimulationError as error:

@@ -41,7 +41,7 @@ def example_file(name: str) -> Path:
 def description(path: Path) -> str:
     """The first sentence of an example's comment."""
     if path.suffix != ".yaml":
-        return "a mesh that water falls on"
+        return "A mesh that water falls on"
     lines = []
     for line in path.read_text(encoding="utf-8").splitlines():
         if not line.startswith("# ") or line.startswith("#  "):

@@ -164,7 +164,8 @@ def check_file(scene: Scene, source: str, found: FileParticles, surface: Surface
     if surface is not None:
         inside = distances(surface, found.positions) < radius
         problems.append(("inside the solid, or closer to it than their radius", inside))
-    if len(found.positions) > 1:
+    # In a splash two particles may meet; they are no error of a file where the file is a trajectory.
+    if len(found.positions) > 1 and found.radius is None:
         nearest = np.asarray(cKDTree(found.positions).query(found.positions, k=2)[0])[:, 1]
         half = MIN_MEDIAN_DISTANCE * scene.spacing
         least = half if float(np.median(nearest)) < half else MIN_DISTANCE * scene.spacing

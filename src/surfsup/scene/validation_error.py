@@ -41,9 +41,11 @@ def abbreviate(value: object) -> str:
 
 def valid_keys(model: type[BaseModel], location: Sequence[str | int]) -> list[str]:
     """The keys that are valid at ``location`` inside ``model``."""
-    for key in location:
-        if isinstance(key, str) and key not in model.model_fields:  # the alias of a value
-            return []
+    for number, key in enumerate(location):
+        if isinstance(key, str) and key not in model.model_fields:
+            if number and location[number - 1] == "surfaces":  # a name that the file gives
+                continue
+            return []  # the alias of a value
         nested = nested_model(model.model_fields[key].annotation) if isinstance(key, str) else model
         if nested is None:
             return []
