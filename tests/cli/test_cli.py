@@ -55,7 +55,7 @@ def test_water_on_a_mesh_leaves_trajectory_page_video_and_summary(tmp_path):
         "simulate", mesh, "-o", out, "--frames", 30, "--block-min", -0.1, -0.1, 0.8, "--block-max", 0.1, 0.1, 1.0
     )
     assert done.returncode == 0, done.stderr
-    assert "50 x 50 x 50" in done.stdout
+    assert "50 x 50 x 50" in done.stderr
     for name in ("trajectory.h5", "page.html", "video.mp4"):
         assert name in done.stdout
         assert (out / name).stat().st_size > 1000

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import difflib
-from importlib.resources import files
 from pathlib import Path
 
+import surfsup
 from surfsup.errors import InputError
 
 SUFFIXES = (".yaml", ".obj")
@@ -13,7 +13,7 @@ SUFFIXES = (".yaml", ".obj")
 
 def examples_folder() -> Path | None:
     """The folder with the examples; None where the package came without them."""
-    package = Path(str(files("surfsup")))
+    package = Path(surfsup.__file__).parent
     return next((folder for folder in (package / "examples", package.parents[1] / "examples") if folder.is_dir()), None)
 
 
