@@ -55,4 +55,4 @@ def test_simulate_and_reference_take_the_same_scene_and_output():
     shared = [inspect.signature(expand_option_groups(verb)).parameters for verb in (simulate, reference)]
     own = {"simulator_name", "device", "no_collisions", "resume"}, {"threads"}
     assert set(shared[0]) - own[0] == set(shared[1]) - own[1]
-    assert len(set(shared[0]) & set(shared[1])) == 21
+    assert len(set(shared[0]) & set(shared[1])) == 22
