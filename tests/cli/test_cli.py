@@ -210,13 +210,13 @@ def handle_interrupts() -> None:
 
 def test_an_interrupt_leaves_a_readable_trajectory_and_status_130(scene, tmp_path):
     out = tmp_path / "out"
-    command = [sys.executable, "-m", "surfsup.cli", "simulate", str(scene), "-o", str(out), "--frames", "20000"]
+    command = [sys.executable, "-m", "surfsup.cli", "simulate", str(scene), "-o", str(out), "--frames", "200000"]
     # Children of tests that run in the background would ignore the signal.
     with subprocess.Popen(command, stderr=subprocess.PIPE, text=True, preexec_fn=handle_interrupts) as running:
         deadline = time.monotonic() + 60
         written = 0
         # Wait for some frames, however busy the machine is.
-        while written < 50_000 and running.poll() is None and time.monotonic() < deadline:
+        while written < 20_000 and running.poll() is None and time.monotonic() < deadline:
             time.sleep(0.2)
             written = (out / "trajectory.h5").stat().st_size if (out / "trajectory.h5").exists() else 0
         running.send_signal(signal.SIGINT)
@@ -224,7 +224,7 @@ def test_an_interrupt_leaves_a_readable_trajectory_and_status_130(scene, tmp_pat
     assert running.returncode == 130, errors
     with Trajectory(out / "trajectory.h5") as trajectory:
         assert len(trajectory) == json.loads((out / "summary.json").read_text())["frames"]
-        assert f"interrupted; {len(trajectory)} of 20000 frames are kept in {out / 'trajectory.h5'}" in errors
+        assert f"interrupted; {len(trajectory)} of 200000 frames are kept in {out / 'trajectory.h5'}" in errors
 
 
 def test_an_interrupt_before_the_first_frame_says_so(scene, tmp_path):

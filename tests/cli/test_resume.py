@@ -9,6 +9,7 @@ import time
 import numpy as np
 
 from surfsup import Trajectory
+from tests.cli.test_cli import handle_interrupts
 from tests.cli.test_export import surfsup  # noqa: F401
 
 SCENE = "frames: 30000\nfluid: [{block: {min: [-0.1, -0.1, 0.1], max: [0.1, 0.1, 0.3]}}]\n"
@@ -19,9 +20,9 @@ def test_after_an_interrupt_the_rest_is_simulated(tmp_path, surfsup):  # noqa: F
     scene.write_text(SCENE)
     options = ["-o", out, "--no-page", "--no-video"]
     command = [sys.executable, "-m", "surfsup.cli", "simulate", scene, *options]
-    running = subprocess.Popen(list(map(str, command)), stderr=subprocess.PIPE, text=True)
+    running = subprocess.Popen(list(map(str, command)), stderr=subprocess.PIPE, text=True, preexec_fn=handle_interrupts)
     file = out / "trajectory.h5"
-    while running.poll() is None and not (file.exists() and file.stat().st_size > 50_000):
+    while running.poll() is None and not (file.exists() and file.stat().st_size > 20_000):
         time.sleep(0.01)
     running.send_signal(signal.SIGINT)
     _, errors = running.communicate()
