@@ -42,7 +42,6 @@ def main() -> None:
     parser.add_argument("--threads", type=int, default=2)
     parser.add_argument("--seed", type=int, default=1)
     options = parser.parse_args()
-    surfsup.gym.register()
     # A policy that does nothing spills nothing, and little noise makes it no better: begin with one that tilts slowly.
     start = np.zeros(9)  # for the eight observations and a constant
     start[8] = 0.3

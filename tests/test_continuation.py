@@ -49,7 +49,7 @@ def written(folder, scene, frames):
 def test_the_frames_of_the_file_stay_and_the_rest_follows(tmp_path, text):
     scene, output = written(tmp_path / "a", text, Scene.from_yaml(text, "test").frames // 2)
     _, whole = written(tmp_path / "b", text, scene.frames)
-    rest = Continuation(output.trajectory, scene, simulate)
+    rest = Continuation(output.trajectory, scene, "dfsph", simulate)
     solids = rest.simulation.motion.solids
     folder = OutputFolder(tmp_path / "a", rest.most_ids, scene.frames)
     summary = folder.record(scene, solids, rest.frames(), Provenance("dfsph"), "cpu", lambda done, total: None)
@@ -72,7 +72,7 @@ def test_the_frames_of_the_file_stay_and_the_rest_follows(tmp_path, text):
 
 def test_more_frames_may_be_requested(tmp_path):
     scene, output = written(tmp_path, SCENE, 12)
-    rest = Continuation(output.trajectory, scene.with_frames(15), simulate)
+    rest = Continuation(output.trajectory, scene.with_frames(15), "dfsph", simulate)
     assert len(list(rest.frames())) == 15
 
 
@@ -87,14 +87,14 @@ def test_more_frames_may_be_requested(tmp_path):
 def test_what_cannot_be_continued_is_refused_in_one_line(tmp_path, changed, message):
     _, output = written(tmp_path, SCENE, 12)
     with pytest.raises(InputError, match=message) as error:
-        Continuation(output.trajectory, Scene.from_yaml(changed, "changed"), simulate)
+        Continuation(output.trajectory, Scene.from_yaml(changed, "changed"), "dfsph", simulate)
     assert "\n" not in str(error.value)
     assert str(output.trajectory) in str(error.value)
 
 
 def test_without_a_file_there_is_nothing_to_continue(tmp_path):
     with pytest.raises(InputError, match="there is no interrupted simulation; omit --resume"):
-        Continuation(tmp_path / "trajectory.h5", Scene.from_yaml(SCENE, "test"), simulate)
+        Continuation(tmp_path / "trajectory.h5", Scene.from_yaml(SCENE, "test"), "dfsph", simulate)
 
 
 def test_particles_that_met_in_a_splash_do_not_stop_it(tmp_path):
@@ -103,4 +103,19 @@ def test_particles_that_met_in_a_splash_do_not_stop_it(tmp_path):
         positions = file["00000/position"][:]
         positions[-1, 1] = positions[-1, 0] + np.float32(1e-4)
         file["00000/position"][:] = positions
-    assert len(list(Continuation(output.trajectory, scene, simulate).frames())) == 12
+    assert len(list(Continuation(output.trajectory, scene, "dfsph", simulate).frames())) == 12
+
+
+def test_another_simulator_is_refused(tmp_path):
+    scene, output = written(tmp_path, SCENE, 6)
+    with pytest.raises(InputError, match="was simulated by dfsph, not by surfsup; give the same --simulator"):
+        Continuation(output.trajectory, scene, "surfsup", simulate)
+
+
+def test_rigid_bodies_are_refused_for_their_velocities_are_in_no_file(tmp_path):
+    text = SCENE.replace("surface: {sphere: {radius: 0.15}, at: [0, 0, 0.15]}", "") + (
+        "surfaces: {boat: {box: {size: [0.2, 0.2, 0.1]}, at: [0, 0, 0.15], rigid_body: {density: 500}}}\n"
+    )
+    scene, output = written(tmp_path, text, 6)
+    with pytest.raises(InputError, match="has rigid bodies, whose velocities it does not hold; omit --resume"):
+        Continuation(output.trajectory, scene, "dfsph", simulate)

@@ -25,16 +25,18 @@ class Continuation:
     Args:
         file: the trajectory that was interrupted.
         scene: what was simulated; its number of frames may be larger.
+        simulator: name of the simulator, which must be that of the file.
         simulate: makes the simulation of a scene.
 
     Attributes:
         simulation: from the last frame of the file on.
 
     Raises:
-        InputError: there is no such file, it is of another scene, or it has all frames.
+        InputError: there is no such file, it is of another scene or simulator, has all frames, or
+            its scene has rigid bodies, whose velocities no file has.
     """
 
-    def __init__(self, file: Path, scene: Scene, simulate: Callable[[Scene], Simulation]) -> None:
+    def __init__(self, file: Path, scene: Scene, simulator: str, simulate: Callable[[Scene], Simulation]) -> None:
         if not file.is_file():
             raise InputError(f"{file}: there is no interrupted simulation; omit --resume")
         with Trajectory(file) as trajectory:
@@ -44,9 +46,18 @@ class Continuation:
             self._last = trajectory.ids(self._done - 1)
             if described(trajectory.scene) != described(scene):
                 raise InputError(f"{file}: is of another scene or other options; give another folder with -o")
+            if trajectory.provenance.simulator != simulator:
+                raise InputError(
+                    f"{file}: was simulated by {trajectory.provenance.simulator}, not by {simulator}; "
+                    "give the same --simulator, or another folder with -o"
+                )
         if self._done >= scene.frames:
             raise InputError(
                 f"{file}: has all {scene.frames} frames already; give more --frames, or omit --resume to begin anew"
+            )
+        if any(getattr(entry, "rigid_body", None) is not None for entry in scene.surfaces.values()):
+            raise InputError(
+                f"{file}: has rigid bodies, whose velocities it does not hold; omit --resume to begin anew"
             )
         self._file = file
         rest = scene.with_frames(scene.frames - self._done + 1)

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 
 from surfsup import __version__
-from surfsup.errors import InputError
+from surfsup.errors import InputError, SimulationError
 
 WARM_UP_FRAMES, TIMED_FRAMES = 10, 30
 REINSTALL = "pip install --force-reinstall surfsup"
@@ -80,12 +80,15 @@ def check_speed() -> Check:
 
     ball = Transformed(Sphere(0.3), translation=(0, 0, 0.3))
     scene = Scene(surface=ball, fluid=[Block((-0.2, -0.2, 0.62), (0.2, 0.2, 1.1))])
-    simulation = Simulation(scene)
-    for _ in range(WARM_UP_FRAMES):
-        simulation.step()
-    began = time.perf_counter()
-    for _ in range(TIMED_FRAMES):
-        frame = simulation.step()
+    try:
+        simulation = Simulation(scene)
+        for _ in range(WARM_UP_FRAMES):
+            simulation.step()
+        began = time.perf_counter()
+        for _ in range(TIMED_FRAMES):
+            frame = simulation.step()
+    except (InputError, SimulationError) as error:
+        return Check("speed", False, f"no frame can be simulated ({error})", REINSTALL)
     milliseconds = 1000 * (time.perf_counter() - began) / TIMED_FRAMES
     scene_text = f"{1000 * FRAME_TIME:g} ms of {len(frame.positions):,} particles on a ball"
     return Check("speed", True, f"a frame of {scene_text} takes {milliseconds:.1f} ms")

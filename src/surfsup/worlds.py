@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor, wait
 
 import torch
 
@@ -65,6 +65,7 @@ class Worlds:
             SimulationError: a simulation failed; the others have advanced.
         """
         jobs = [self._pool.submit(advance, simulation, steps) for simulation in self._simulations]
+        wait(jobs)  # also of those after one that failed
         return [job.result() for job in jobs]
 
     def reset(self, states: Sequence[SimulationState] | None = None) -> None:

@@ -45,3 +45,26 @@ def test_two_files_of_one_program_are_refused(file, tmp_path, surfsup):  # noqa:
     status, _, errors = surfsup("convert", file(), "-o", tmp_path / "other.json")
     assert (status, errors.count("\n")) == (2, 1)
     assert "one must be .json, of SPlisHSPlasH, the other .yaml" in errors
+
+
+def test_what_cannot_be_converted_to_the_reference_leaves_an_older_file(file, tmp_path, surfsup):  # noqa: F811
+    ours, theirs = tmp_path / "ours.yaml", tmp_path / "theirs.json"
+    ours.write_text(
+        "surfaces: {boat: {box: {size: [0.2, 0.2, 0.2]}, at: [0, 0, 0.2], rigid_body: {density: 500}}}\n"
+        "fluid: [{block: {min: [-0.1, -0.1, 0.5], max: [0.1, 0.1, 0.7]}}]\n"
+    )
+    theirs.write_text("older")
+    status, _, errors = surfsup("convert", ours, "-o", theirs)
+    assert (status, errors.count("\n"), theirs.read_text()) == (2, 1, "older")
+    assert "bodies that float; they stand still" in errors
+    assert surfsup("convert", ours, "-o", theirs, "--partial")[0] == 0
+
+
+def test_a_place_that_cannot_be_written_and_a_missing_scene_are_one_line(file, tmp_path, surfsup):  # noqa: F811
+    for source, out, message in (
+        (file(), tmp_path / "nowhere" / "a.yaml", "cannot be written"),
+        (tmp_path / "missing.json", tmp_path / "a.yaml", "does not exist"),
+    ):
+        status, _, errors = surfsup("convert", source, "-o", out)
+        assert (status, errors.count("\n")) == (2, 1)
+        assert message in errors

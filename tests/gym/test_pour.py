@@ -11,7 +11,6 @@ FULL_TILT, STILL, BACK = (np.array(action, np.float32) for action in ((1, 0), (0
 
 @pytest.fixture(scope="module")
 def made():
-    surfsup.gym.register()
     return gymnasium.make(surfsup.gym.POUR, render_mode="rgb_array")
 
 

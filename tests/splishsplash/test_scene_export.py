@@ -23,7 +23,10 @@ fluid:
 @needs_solver
 def test_the_solver_runs_the_exported_scene_with_the_same_particles(tmp_path):
     scene, file = Scene.from_yaml(TEXT, "a"), tmp_path / "scene.json"
-    assert export_scene(scene, file) == []
+    exported = export_scene(scene, file)
+    assert exported.missing == []
+    assert list(tmp_path.iterdir()) == []
+    exported.write()
     command = [sys.executable, "-m", "surfsup.splishsplash.child_process", str(file), "2", "5"]
     output = subprocess.run(command, capture_output=True, check=True).stdout
     (count,) = np.frombuffer(output[:8], np.int64)
@@ -38,8 +41,9 @@ def test_the_solver_runs_the_exported_scene_with_the_same_particles(tmp_path):
 
 def test_there_and_back_is_the_same_scene(tmp_path):
     scene, file = Scene.from_yaml(TEXT, "a"), tmp_path / "scene.json"
-    export_scene(scene, file)
+    export_scene(scene, file).write()
     result = import_scene(file, tmp_path / "back.yaml")
+    result.write()
     back = Scene.from_yaml(result.text, "back", tmp_path)
     assert back.container.size == pytest.approx(scene.container.size)
     assert (back.gravity, back.particle_radius) == (scene.gravity, scene.particle_radius)
@@ -52,14 +56,11 @@ def test_there_and_back_is_the_same_scene(tmp_path):
 
 def test_motions_are_named_as_missing(tmp_path):
     moving = "container: {motion: {spin: {axis: [0, 0, 1], turns: 1}}}\n" + TEXT.split("frames: 3\n")[1]
-    assert "motions" in export_scene(Scene.from_yaml(moving, "a"), tmp_path / "a.json")[0]
+    assert "motions" in export_scene(Scene.from_yaml(moving, "a"), tmp_path / "a.json").missing[0]
 
 
 def test_an_open_container_has_no_walls(tmp_path):
-    import json
-
     from surfsup import Container
 
     scene = Scene(container=Container(open=True), fluid=[Block((-0.1, -0.1, 0.5), (0.1, 0.1, 0.7))])
-    export_scene(scene, tmp_path / "a.json")
-    assert json.loads((tmp_path / "a.json").read_text())["RigidBodies"] == []
+    assert export_scene(scene, tmp_path / "a.json").content["RigidBodies"] == []

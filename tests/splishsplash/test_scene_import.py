@@ -34,6 +34,8 @@ def converted(tmp_path):
         file, out = tmp_path / "scene.json", tmp_path / "scene.yaml"
         file.write_text(json.dumps({**SCENE, **changes}))
         result = import_scene(file, out)
+        assert not out.exists() and not (tmp_path / "scene-files").exists()
+        result.write()
         return Scene.from_yaml(result.text, "converted", tmp_path), result.missing
 
     return convert
@@ -44,7 +46,7 @@ def test_walls_become_the_container_and_y_becomes_z(converted):
     assert missing == []
     assert scene.container.size == (6, 3, 4)
     assert scene.gravity == (0, 0, -9.81)
-    assert (scene.particle_radius, scene.duration) == (0.025, 2)
+    assert (scene.particle_radius, scene.duration, scene.density) == (0.025, 2, 1000)
     block = scene.fluid[0].block
     np.testing.assert_allclose(block.min, [-0.9, -0.8, 0.2])  # (x, y, z) is (x, -z, y)
     np.testing.assert_allclose(block.max, [0.1, 0.2, 1.2])

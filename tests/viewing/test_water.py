@@ -5,7 +5,8 @@ import pytest
 import trimesh
 
 from surfsup.errors import SimulationError
-from surfsup.viewing.water import Background, Samples, WaterSurface, reconstruct_surface, shade_water
+from surfsup.viewing.shading_mesh import ShadingMesh
+from surfsup.viewing.water import Background, Samples, reconstruct_surface, shade_water
 
 RADIUS = 0.015
 # Positions (N, 3) of a frame of a falling block, meters, float32.
@@ -13,7 +14,7 @@ RADIUS = 0.015
 UNLUCKY = np.load(Path(__file__).with_name("unlucky_particles.npy"), allow_pickle=False)
 
 
-def mesh_of(surface: WaterSurface) -> trimesh.Trimesh:
+def mesh_of(surface: ShadingMesh) -> trimesh.Trimesh:
     return trimesh.Trimesh(surface.vertices, surface.faces, process=False)
 
 

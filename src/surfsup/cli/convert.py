@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from surfsup.cli.options import UpAxis, positive_length
 from surfsup.errors import InputError
+
+if TYPE_CHECKING:
+    from surfsup.splishsplash.scene_export import ExportedScene
+    from surfsup.splishsplash.scene_import import ImportedScene
 
 NAMED = 5  # missing things that the message lists
 
@@ -38,26 +42,23 @@ def convert(
 
     kinds = scene.suffix.lower(), out.suffix.lower()
     yaml = (".yaml", ".yml")
-    if kinds[0] == ".json" and kinds[1] in yaml:
-        converted = import_scene(scene, out)
-        missing, other = converted.missing, "surfsup"
-        check_complete(scene, missing, other, partial)
-        try:
-            out.write_text(converted.text, encoding="utf-8")
-        except OSError as error:
-            raise InputError(f"{out}: cannot be written ({error.strerror})") from None
-    elif (scene.is_dir() or kinds[0] in GLTF) and kinds[1] in yaml:
+    if not scene.exists():
+        raise InputError(f"{scene}: does not exist; check the path")
+    if (scene.is_dir() or kinds[0] in GLTF) and kinds[1] in yaml:
         parts = write_assembly(scene, out, None if no_fit else positive_length(fit), up)
-        missing = []
         typer.echo(f"solids {', '.join(parts)}")
+        typer.echo(f"scene  {out}")
+        return
+    converted: ImportedScene | ExportedScene
+    if kinds[0] == ".json" and kinds[1] in yaml:
+        converted, other = import_scene(scene, out), "surfsup"
     elif kinds[0] in yaml and kinds[1] == ".json":
-        ours = Scene.load(scene)
-        other = "a scene file of SPlisHSPlasH"
-        missing = export_scene(ours, out)
-        check_complete(scene, missing, other, partial)
+        converted, other = export_scene(Scene.load(scene), out), "a scene file of SPlisHSPlasH"
     else:
         raise InputError(f"{scene} and {out}: one must be .json, of SPlisHSPlasH, the other .yaml, of surfsup")
-    for phrase in missing:
+    check_complete(scene, converted.missing, other, partial)
+    converted.write()
+    for phrase in converted.missing:
         typer.echo(f"left out: {phrase}")
     typer.echo(f"scene  {out}")
 

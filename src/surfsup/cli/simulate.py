@@ -52,7 +52,7 @@ def simulate(
 
     frames: Iterator[OutputFrame]
     if resume:
-        rest = Continuation(output.interrupted(scene_options.source), scene, simulation_of)
+        rest = Continuation(output.interrupted(scene_options.source), scene, name, simulation_of)
         simulation, most_ids, frames = rest.simulation, rest.most_ids, rest.frames()
     else:
         simulation = simulation_of(scene)

@@ -1,17 +1,15 @@
-"""Environments of Gymnasium: tasks with water for reinforcement learning.
-
-They are registered when gymnasium is imported, or by ``import surfsup.gym``.
-"""
+"""Environments of Gymnasium: tasks with water for reinforcement learning; importing this package registers them."""
 
 from __future__ import annotations
+
+from surfsup.errors import InputError
+
+try:
+    import gymnasium
+except ModuleNotFoundError:
+    raise InputError("Gymnasium is not installed: pip install 'surfsup[gym]'") from None
 
 POUR = "surfsup/Pour-v0"
 POUR_STEPS = 100  # of 40 ms
 
-
-def register() -> None:
-    """Register the environments; gymnasium calls it through its entry point ``gymnasium.envs``."""
-    import gymnasium
-
-    if POUR not in gymnasium.registry:
-        gymnasium.register(POUR, entry_point="surfsup.gym.pour:Pour", max_episode_steps=POUR_STEPS)
+gymnasium.register(POUR, entry_point="surfsup.gym.pour:Pour", max_episode_steps=POUR_STEPS)

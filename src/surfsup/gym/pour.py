@@ -78,7 +78,6 @@ class Pour(gymnasium.Env[np.ndarray, np.ndarray]):
 
     Examples:
         >>> import gymnasium, surfsup.gym
-        >>> surfsup.gym.register()
         >>> environment = gymnasium.make("surfsup/Pour-v0")
         >>> observation, info = environment.reset(seed=0)
         >>> observation.shape, info["shares"].cup
@@ -108,8 +107,9 @@ class Pour(gymnasium.Env[np.ndarray, np.ndarray]):
         self._tilt = self._shift = 0.0
         self.simulation.set_pose("cup", *self._place(0.0, 0.0))
         self.simulation.reset()
-        self._cost = self._cost_of(self.shares())
-        return self._observation(self.shares()), self._info()
+        shares = self.shares()
+        self._cost = self._cost_of(shares)
+        return self._observation(shares), self._info(shares)
 
     def step(self, action: np.ndarray) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
         """Move the cup for 40 ms."""
@@ -124,7 +124,7 @@ class Pour(gymnasium.Env[np.ndarray, np.ndarray]):
             self.simulation.step()
         shares = self.shares()
         before_cost, self._cost = self._cost, self._cost_of(shares)
-        return self._observation(shares), before_cost - self._cost, False, False, self._info()
+        return self._observation(shares), before_cost - self._cost, False, False, self._info(shares)
 
     def shares(self) -> Shares:
         """Where the water is now."""
@@ -182,8 +182,8 @@ class Pour(gymnasium.Env[np.ndarray, np.ndarray]):
         ]  # fmt: skip
         return np.clip(np.array(values, np.float32), -1, 1)
 
-    def _info(self) -> dict[str, Any]:
-        return {"shares": self.shares(), "target": self._target, "time": self.simulation.time}
+    def _info(self, shares: Shares) -> dict[str, Any]:
+        return {"shares": shares, "target": self._target, "time": self.simulation.time}
 
 
 def inside_vessel(points: np.ndarray) -> np.ndarray:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -21,84 +23,115 @@ MAX_MAP = 80  # nodes along a side
 MAX_MODELS = 50  # fluid models in a file
 
 
-def export_scene(scene: Scene, out: Path) -> list[str]:
-    """Write ``scene`` to the file ``out``, and its meshes and particles into a folder beside it.
+@dataclass(frozen=True)
+class ExportedScene:
+    """A scene for SPlisHSPlasH, which is not written yet.
 
-    Returns:
-        What the scene has and the file does not, a phrase each.
+    Attributes:
+        content: of the JSON file.
+        missing: what the scene has and the file does not, a phrase each.
+        out: the JSON file.
+        files: meshes and the bytes of particle files for the folder beside it, by path.
+    """
+
+    content: dict[str, object]
+    missing: list[str]
+    out: Path
+    files: Mapping[Path, trimesh.Trimesh | bytes]
+
+    def write(self) -> None:
+        """Write the scene and its files.
+
+        Raises:
+            InputError: nothing can be written there.
+        """
+        try:
+            for path, data in self.files.items():
+                path.parent.mkdir(parents=True, exist_ok=True)
+                if isinstance(data, trimesh.Trimesh):
+                    data.export(path)
+                else:
+                    path.write_bytes(data)
+            self.out.write_text(json.dumps(self.content, indent=1) + "\n")
+        except OSError as error:
+            raise InputError(f"{self.out}: cannot be written ({error.strerror})") from None
+
+
+def export_scene(scene: Scene, out: Path) -> ExportedScene:
+    """Convert ``scene`` to the content of the file ``out`` and of a folder beside it, without writing anything.
 
     Raises:
-        InputError: a file of the scene is unusable, or nothing can be written.
+        InputError: a file of the scene is unusable.
     """
+    folder = out.with_name(f"{out.stem}-files")
+    files: dict[Path, trimesh.Trimesh | bytes] = {}
+    missing = missing_in_file(scene)
+    surface = build_solids(scene).at_time(scene.start_time)
+    bodies = []
+    if not scene.container.open:
+        files[folder / "box.obj"] = trimesh.creation.box((1, 1, 1))
+        size = list(scene.container.size)
+        bodies.append(rigid_body(f"{folder.name}/box.obj", [0.0, 0.0, size[2] / 2], size, True, size, scene))
+    if surface is not None:
+        mesh = files[folder / "solid.obj"] = surface.to_mesh(RESOLUTION)
+        extents = [float(side) for side in mesh.extents]
+        bodies.append(rigid_body(f"{folder.name}/solid.obj", [0, 0, 0], [1, 1, 1], False, extents, scene))
+    particles = scene.initial_particles(surface)
+    # The file has one velocity for each model, so particles of one velocity are one model.
+    velocities, model_of = np.unique(particles.velocities, axis=0, return_inverse=True)
+    if len(velocities) > MAX_MODELS:
+        missing.append("velocities of single particles; all begin with the mean velocity")
+        velocities = particles.velocities.mean(axis=0, keepdims=True)
+        model_of = np.zeros(len(particles.positions), int)
+    models = []
+    for number, velocity in enumerate(velocities):
+        file = folder / f"fluid-{number}.bgeo"
+        files[file] = particle_file(particles.positions[model_of.ravel() == number])
+        models.append(
+            {
+                "id": "Fluid",
+                "particleFile": f"{folder.name}/{file.name}",
+                "translation": [0.0, 0.0, 0.0],
+                "scale": [1.0, 1.0, 1.0],
+                "initialVelocity": [float(value) for value in velocity],
+            }
+        )
+    content: dict[str, object] = {
+        "Configuration": {
+            "particleRadius": scene.particle_radius,
+            "timeStepSize": SUBSTEP_TIME * scene.units.time,
+            "cflMethod": FIXED_STEP,
+            "gravitation": list(scene.gravity),
+            "simulationMethod": DFSPH,
+            "boundaryHandlingMethod": VOLUME_MAPS,
+            "stopAt": scene.frames * scene.frame_time,
+            "DFSPH": {"enableDivergenceSolver": True},
+        },
+        "Materials": [
+            {
+                "id": "Fluid",
+                "density0": scene.density,
+                "viscosityMethod": STANDARD_VISCOSITY,
+                "Standard viscosity": {"viscosity": VISCOSITY * scene.units.viscosity, "viscosityBoundary": 0.0},
+            }
+        ],
+        "FluidModels": models,
+        "RigidBodies": bodies,
+    }
+    return ExportedScene(content, missing, out, files)
+
+
+def missing_in_file(scene: Scene) -> list[str]:
+    """What a scene has and a file of SPlisHSPlasH does not, a phrase each."""
     missing = []
-    if scene.moves:
+    if any(getattr(entry, "rigid_body", None) is not None for entry in scene.surfaces.values()):
+        missing.append("bodies that float; they stand still")
+    if any(getattr(entry, "motion", None) is not None for entry in [scene.container, *scene.surfaces.values()]):
         missing.append("motions of solids, which SPlisHSPlasH takes from a script only")
     if scene.taps:
         missing.append("taps, whose layers the emitters of SPlisHSPlasH do not have")
     if scene.drains:
         missing.append("drains")
-    units = scene.units
-    solids = build_solids(scene)
-    surface = solids.at_time(scene.start_time)
-    particles = scene.initial_particles(surface)
-    files = out.with_name(f"{out.stem}-files")
-    try:
-        files.mkdir(parents=True, exist_ok=True)
-        bodies = []
-        if not scene.container.open:
-            trimesh.creation.box((1, 1, 1)).export(files / "box.obj")
-            middle = [0.0, 0.0, scene.container.size[2] / 2]
-            size = list(scene.container.size)
-            bodies.append(rigid_body(f"{files.name}/box.obj", middle, size, walls=True, size=size, scene=scene))
-        if surface is not None:
-            mesh = surface.to_mesh(RESOLUTION)
-            mesh.export(files / "solid.obj")
-            extents = [float(side) for side in mesh.extents]
-            bodies.append(rigid_body(f"{files.name}/solid.obj", [0, 0, 0], [1, 1, 1], False, extents, scene))
-        models = []
-        # The file has one velocity for each model, so particles of one velocity are one model.
-        velocities, model_of = np.unique(particles.velocities, axis=0, return_inverse=True)
-        if len(velocities) > MAX_MODELS:
-            missing.append("velocities of single particles; all begin with the mean velocity")
-            velocities = particles.velocities.mean(axis=0, keepdims=True)
-            model_of = np.zeros(len(particles.positions), int)
-        for number, velocity in enumerate(velocities):
-            name = f"fluid-{number}.bgeo"
-            (files / name).write_bytes(particle_file(particles.positions[model_of.ravel() == number]))
-            models.append(
-                {
-                    "id": "Fluid",
-                    "particleFile": f"{files.name}/{name}",
-                    "translation": [0.0, 0.0, 0.0],
-                    "scale": [1.0, 1.0, 1.0],
-                    "initialVelocity": [float(value) for value in velocity],
-                }
-            )
-        content = {
-            "Configuration": {
-                "particleRadius": scene.particle_radius,
-                "timeStepSize": SUBSTEP_TIME * units.time,
-                "cflMethod": FIXED_STEP,
-                "gravitation": list(scene.gravity),
-                "simulationMethod": DFSPH,
-                "boundaryHandlingMethod": VOLUME_MAPS,
-                "stopAt": scene.frames * scene.frame_time,
-                "DFSPH": {"enableDivergenceSolver": True},
-            },
-            "Materials": [
-                {
-                    "id": "Fluid",
-                    "density0": 1000,
-                    "viscosityMethod": STANDARD_VISCOSITY,
-                    "Standard viscosity": {"viscosity": VISCOSITY * units.viscosity, "viscosityBoundary": 0.0},
-                }
-            ],
-            "FluidModels": models,
-            "RigidBodies": bodies,
-        }
-        out.write_text(json.dumps(content, indent=1) + "\n")
-    except OSError as error:
-        raise InputError(f"{out}: cannot be written ({error.strerror})") from None
     return missing
 
 

@@ -29,17 +29,38 @@ TOLERANCE = 1e-6
 Json = Mapping[str, Any]
 
 
-@dataclass
+@dataclass(frozen=True)
 class ImportedScene:
-    """A converted scene.
+    """A converted scene, which is not written yet.
 
     Attributes:
         text: the scene as YAML; paths are relative to the new file.
         missing: what the scene has and ours does not, a phrase each.
+        out: the new file.
+        files: meshes and positions (N, 3) of particles for the folder beside it, by path.
     """
 
     text: str
     missing: list[str]
+    out: Path
+    files: Mapping[Path, trimesh.Trimesh | np.ndarray]
+
+    def write(self) -> None:
+        """Write the scene and its files.
+
+        Raises:
+            InputError: nothing can be written there.
+        """
+        try:
+            for path, content in self.files.items():
+                path.parent.mkdir(parents=True, exist_ok=True)
+                if isinstance(content, trimesh.Trimesh):
+                    content.export(path)
+                else:
+                    np.save(path, content)
+            self.out.write_text(self.text, encoding="utf-8")
+        except OSError as error:
+            raise InputError(f"{self.out}: cannot be written ({error.strerror})") from None
 
 
 @dataclass(frozen=True)
@@ -69,13 +90,15 @@ class Converter:
 
     Attributes:
         source: the file, for messages and relative paths.
-        out: the new file, beside which converted meshes and particles are written.
+        out: the new file.
         missing: phrases about what was omitted.
+        files: converted meshes and particles for the folder beside the new file, by path.
     """
 
     source: Path
     out: Path
     missing: list[str] = field(default_factory=list)
+    files: dict[Path, trimesh.Trimesh | np.ndarray] = field(default_factory=dict)
 
     def convert(self, content: Json) -> ImportedScene:
         """Convert the whole scene.
@@ -97,6 +120,9 @@ class Converter:
         scene: dict[str, Any] = {"particle_radius": float(settings["particleRadius"])}
         scene["container"] = "none" if lower is None else {"size": rounded(upper - lower)}
         scene["gravity"] = placement.vector(gravity)
+        densities = {float(material.get("density0", 1000)) for material in content.get("Materials", [])}
+        if len(densities) == 1:
+            scene["density"] = densities.pop()
         solids = [body for body in bodies if body not in walls]
         if solids:
             scene["surfaces"] = self.surfaces(solids, placement)
@@ -105,7 +131,8 @@ class Converter:
             scene["duration"] = float(settings["stopAt"])
         text = yaml.safe_dump(scene, sort_keys=False, default_flow_style=None)
         Scene.from_yaml(text, str(self.source), self.out.parent)
-        return ImportedScene(f"# Converted from {self.source.name} of SPlisHSPlasH.\n{text}", self.missing)
+        text = f"# Converted from {self.source.name} of SPlisHSPlasH.\n{text}"
+        return ImportedScene(text, self.missing, self.out, self.files)
 
     def note_missing(self, content: Json, settings: Json) -> None:
         """Note what the scene has and ours does not. Settings of the solver and of pictures do not count."""
@@ -201,7 +228,7 @@ class Converter:
         scaled = mesh.copy()
         scaled.apply_scale(scale)
         file = self.beside(f"{name}.ply")
-        scaled.export(file)
+        self.files[file] = scaled
         return {"file": self.relative(file), **turned}
 
     def fluid(self, content: Json, placement: Placement) -> list[Any]:
@@ -222,7 +249,7 @@ class Converter:
             own = particles.positions * scale_of(model)
             moved = own @ rotation_of(model).T + vector_of(model.get("translation", [0, 0, 0]), "translation")
             file = self.beside(f"fluid-{number}.npy")
-            np.save(file, placement.point(moved).astype(np.float32))
+            self.files[file] = placement.point(moved).astype(np.float32)
             velocity = placement.vector(model.get("initialVelocity", [0, 0, 0]))
             entries.append(
                 {"particles": {"file": self.relative(file), **({"velocity": velocity} if any(velocity) else {})}}
@@ -233,9 +260,7 @@ class Converter:
 
     def beside(self, name: str) -> Path:
         """The path of a converted file, in a folder beside the new scene."""
-        folder = self.out.with_name(f"{self.out.stem}-files")
-        folder.mkdir(parents=True, exist_ok=True)
-        return folder / name
+        return self.out.with_name(f"{self.out.stem}-files") / name
 
     def relative(self, file: Path) -> str:
         """A path relative to the new scene where it lies beside it, else absolute."""
@@ -244,9 +269,9 @@ class Converter:
 
 
 def import_scene(source: Path, out: Path) -> ImportedScene:
-    """Convert the scene file ``source`` of SPlisHSPlasH to the text of the file ``out``.
+    """Convert the scene file ``source`` of SPlisHSPlasH to the text of the file ``out``, without writing anything.
 
-    Meshes that are scaled along their axes, and particles, are written into a folder beside ``out``.
+    Meshes that are scaled along their axes, and particles, go into a folder beside ``out``.
 
     Raises:
         InputError: the file is no such scene, or a value or a file of it is unusable.

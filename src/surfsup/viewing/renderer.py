@@ -18,13 +18,13 @@ from surfsup.viewing.lit_solid import LitSolid
 from surfsup.viewing.moving_mesh import container_corners
 from surfsup.viewing.pixel_box import PixelBox
 from surfsup.viewing.rasterizer import Rasterizer
+from surfsup.viewing.shading_mesh import ShadingMesh
 from surfsup.viewing.shadow_maps import FULL_LIGHT, MOVING_LIGHT, Light
 from surfsup.viewing.static_view import StaticView, clipping_range
 from surfsup.viewing.viewpoint import SUPERSAMPLING, Viewpoint, repeated
 from surfsup.viewing.water import (
     Background,
     Samples,
-    WaterSurface,
     reconstruct_surface,
     shade_water,
     water_thickness,
@@ -136,7 +136,7 @@ class FrameRenderer:
         """
         return self.shade(self.draw(*self.reconstruct(positions)))
 
-    def reconstruct(self, positions: np.ndarray) -> tuple[np.ndarray, WaterSurface]:
+    def reconstruct(self, positions: np.ndarray) -> tuple[np.ndarray, ShadingMesh]:
         """The first of three parts of :meth:`render`: positions as drawn, and the surface of the water.
 
         Only the second part, :meth:`draw`, is bound to the thread that made the renderer.
@@ -145,7 +145,7 @@ class FrameRenderer:
         positions = np.float32(self._scale) * positions[np.isfinite(positions).all(1)]
         return positions, reconstruct_surface(positions, self._radius)
 
-    def draw(self, positions: np.ndarray, surface: WaterSurface) -> DrawnWater:
+    def draw(self, positions: np.ndarray, surface: ShadingMesh) -> DrawnWater:
         """The second part: the front of the water."""
         pixels, _ = self._camera.project(surface.vertices)
         box = PixelBox.around(pixels, _MARGIN, self._camera.size)

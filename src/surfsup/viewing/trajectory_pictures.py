@@ -22,10 +22,10 @@ from surfsup.viewing.label import label
 from surfsup.viewing.moving_mesh import MovingMesh, at_frame, bounds_of, container_corners
 from surfsup.viewing.overlap import overlapped
 from surfsup.viewing.renderer import DrawnWater, FrameRenderer
+from surfsup.viewing.shading_mesh import ShadingMesh
 from surfsup.viewing.shadow_maps import FULL_LIGHT, MOVING_LIGHT, Light
 from surfsup.viewing.video import choose_frames, write_video
 from surfsup.viewing.video_settings import VideoSettings
-from surfsup.viewing.water import WaterSurface
 from surfsup.viewing.web_player import write_web_player
 
 SOLID_RESOLUTION = 160  # cells of marching cubes
@@ -98,7 +98,7 @@ class TrajectoryRenderer:
     def render_many(self, moments: Iterable[Moment]) -> Iterator[np.ndarray]:
         """The pictures of many moments, in order; on more than one core."""
 
-        def draw(moment: Moment, water: tuple[np.ndarray, WaterSurface]) -> DrawnWater:
+        def draw(moment: Moment, water: tuple[np.ndarray, ShadingMesh]) -> DrawnWater:
             self._place_solids(moment.frame, MOVING_LIGHT)
             if moment.angle:
                 self._renderer.turn(moment.angle)

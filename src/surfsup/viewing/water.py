@@ -16,6 +16,7 @@ from surfsup.viewing import lighting
 from surfsup.viewing.camera import Camera
 from surfsup.viewing.pixel_box import PixelBox
 from surfsup.viewing.reconstruction import Reconstruction
+from surfsup.viewing.shading_mesh import ShadingMesh
 
 _ABSORPTION = np.array([8.0, 3.2, 1.8], np.float32)  # 1/m; far above real water's, because the scene is small
 _SCATTERING = np.array([0.04, 0.30, 0.54], np.float32)  # color of thick water
@@ -25,22 +26,7 @@ _REFLECTANCE = 0.02  # of water at normal incidence
 _THICKNESS_CELL = 2  # pixels; thickness is smooth, so a coarse grid is enough
 
 
-@dataclass(frozen=True)
-class WaterSurface:
-    """A closed smooth mesh around particles.
-
-    Attributes:
-        vertices: (V, 3) float32, meters.
-        faces: (F, 3).
-        normals: (V, 3) float32, unit, outwards.
-    """
-
-    vertices: np.ndarray
-    faces: np.ndarray
-    normals: np.ndarray
-
-
-def reconstruct_surface(positions: np.ndarray, particle_radius: float) -> WaterSurface:
+def reconstruct_surface(positions: np.ndarray, particle_radius: float) -> ShadingMesh:
     """The surface around particles (N, 3); empty without particles.
 
     Args:
@@ -53,12 +39,12 @@ def reconstruct_surface(positions: np.ndarray, particle_radius: float) -> WaterS
     import pysplashsurf
 
     if len(positions) == 0:
-        return WaterSurface(np.empty((0, 3), np.float32), np.empty((0, 3), np.int64), np.empty((0, 3), np.float32))
+        return ShadingMesh(np.empty((0, 3), np.float32), np.empty((0, 3), np.int64), np.empty((0, 3), np.float32))
     result = Reconstruction().mesh(positions, particle_radius)
     assert isinstance(result.mesh, pysplashsurf.TriMesh3d)  # quads are not requested
     # A vertex of only degenerate triangles has no normal; it covers no pixel, so any normal will do.
     normals = np.nan_to_num(np.asarray(result.point_attributes["normals"], np.float32))
-    return WaterSurface(np.asarray(result.mesh.vertices), np.asarray(result.mesh.triangles), normals)
+    return ShadingMesh(np.asarray(result.mesh.vertices), np.asarray(result.mesh.triangles), normals)
 
 
 def water_thickness(
