@@ -19,6 +19,16 @@ from surfsup.sph.open_water import Passages, WithTaps
 from surfsup.sph.simulator import Simulator, StateType
 
 
+def environment_of(reference: Trajectory, device: torch.device | str = "cpu") -> Environment:
+    """The environment of a trajectory of the reference, with its solids where they were at its start.
+
+    Raises:
+        InputError: a mesh file of the scene is not valid.
+    """
+    solids = reference.scene.units.solids_to_solver(build_solids(reference.scene), reference.start_time)
+    return Environment.of(reference.scene, solids.still, device, solids)
+
+
 def until_diverged(rollout: Iterator[tuple[StateType, torch.Tensor]]) -> Iterator[tuple[StateType, torch.Tensor]]:
     """The frames of a rollout up to the first that is not finite or in which the fluid has collapsed."""
     with suppress(SimulationError):
@@ -88,8 +98,7 @@ def write_rollout(
         InputError: a mesh file of the scene is not valid, ``path`` cannot be written, or the simulator knows no taps.
     """
     scene = reference.scene.with_frames(frames)
-    solids = scene.units.solids_to_solver(build_solids(scene), reference.start_time)
-    environment = Environment.of(scene, solids.still, device, solids)
+    environment = environment_of(reference, device)
     count = len(reference.ids(0))
     if scene.is_open:
         passages = Passages.of(scene, build_solids(scene), reference.start_time)
