@@ -21,6 +21,7 @@ Json = Mapping[str, Any]
 RECTANGLE, DISC = 0, 1  # its types
 SIZE, SPEED, PARTICLES = 5, 1.0, 10_000  # its defaults
 FOREVER = 1e6  # seconds; files write such numbers for an emitter that never closes
+LAYERS = 1_000_000  # of an emitter; more come in no simulation
 FLOW_TOLERANCE = 0.02  # of a tap's flow, by which that of its emitter may differ without a word
 
 
@@ -68,7 +69,7 @@ def closing_times(
         for number in own:
             start, interval = float(emitters[number].get("emitStartTime", 0)), spacing / speeds[number]
             amount = particles_in_layer(emitters[number])
-            count = min((ends[number] - start) / interval, limit / amount + 1)  # beyond the limit none counts
+            count = min((ends[number] - start) / interval, limit / amount + 1, LAYERS)  # beyond the limit none counts
             layers += [(start + k * interval, amount) for k in range(math.ceil(max(count, 0)))]
         total = 0
         for time, amount in sorted(layers):
