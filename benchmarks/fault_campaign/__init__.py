@@ -1,1 +1,1 @@
-"""The parts of the fault campaign, `benchmarks/faults.py`: a file for each kind of fault, and what runs and judges them."""
+"""The parts of the fault campaign, `benchmarks/faults.py`: kinds of faults, what runs them, and what judges them."""

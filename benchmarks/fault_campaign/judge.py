@@ -36,6 +36,7 @@ class Case:
         prepare: writes the input into that folder.
         check: of an accepted input: what is wrong with the result in the folder, or nothing. It runs in a child.
         named: text that a refusal must contain, such as the name of the file.
+        before: called in the child before surfsup.
     """
 
     kind: str
@@ -44,6 +45,7 @@ class Case:
     prepare: Callable[[Path], None]
     check: Callable[[Path], str] | None = None
     named: str = ""
+    before: Callable[[], None] | None = None
 
 
 def verdict(outcome: Outcome, named: str = "") -> tuple[str, str]:

@@ -43,7 +43,7 @@ class Run:
     ) -> None:
         """Begin `surfsup ARGUMENTS` in ``folder``; ``before`` is called in the child first."""
         self._began = time.monotonic()
-        self._files = [tempfile.TemporaryFile() for _ in range(2)]
+        self._files = [tempfile.TemporaryFile() for _ in range(2)]  # noqa: SIM115  read when the run has ended
         sys.stdout.flush()
         sys.stderr.flush()
         self.pid = os.fork()
@@ -121,7 +121,7 @@ def surfsup(
 
 def call(function: Callable[[], str], limit: float = LIMIT) -> str:
     """The text that ``function`` returns in a child; a crash or a hang there is a text, too."""
-    answer = tempfile.TemporaryFile()
+    answer = tempfile.TemporaryFile()  # noqa: SIM115
     pid = os.fork()
     if pid == 0:
         try:
