@@ -1,4 +1,4 @@
-"""The fault campaign: damaged files, kills, full disks, missing libraries and more, each run of `surfsup` judged.
+"""The fault campaign: damaged files, kills, full disks, missing libraries and more, each run of `surfsup` evaluated.
 
     python benchmarks/faults.py [--short] [--only mesh scene ...] [--seed 0] [--json out/faults.json]
 
@@ -26,7 +26,7 @@ import numpy as np
 
 from fault_campaign.campaign import KINDS, run_case
 from fault_campaign.inputs import make_inputs
-from fault_campaign.judge import BAD
+from fault_campaign.verdict import BAD
 from fault_campaign.preload import preload
 
 

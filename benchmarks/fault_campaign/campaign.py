@@ -14,7 +14,7 @@ import numpy as np
 
 from fault_campaign import learned, meshes, recordings, scenes
 from fault_campaign.inputs import Inputs
-from fault_campaign.judge import BAD, Case, verdict
+from fault_campaign.verdict import BAD, Case, verdict
 from fault_campaign.program import call, surfsup
 
 

@@ -12,14 +12,14 @@ import numpy as np
 
 from fault_campaign import damage
 from fault_campaign.inputs import QUIET, Inputs, fit_arguments, train_arguments, without_graphics
-from fault_campaign.judge import Case
+from fault_campaign.verdict import Case
 from fault_campaign.scenes import HOSTILE, at, places
 
 FILE = "file.safetensors"
 
 
 def cases(random: np.random.Generator, count: int, inputs: Inputs) -> Iterator[Case]:
-    """Weights, surfaces, checkpoints of trainings and of fits in turn; bytes, tensors and headers in turn."""
+    """Weights, surfaces, checkpoints of trainings and of fits, one after the other, with damaged bytes, tensors and headers."""
     files = {"weights": inputs.weights, "surface": inputs.siren, "checkpoint": inputs.checkpoint, "fit": inputs.fit}
     damages = (changed_tensor, changed_header, changed_bytes)
     for number in range(count):

@@ -13,7 +13,7 @@ import numpy as np
 
 from fault_campaign import damage
 from fault_campaign.inputs import QUIET, SCENE, Inputs, train_arguments, without_graphics
-from fault_campaign.judge import Case
+from fault_campaign.verdict import Case
 from fault_campaign.scenes import HOSTILE
 
 Change = Callable[[Any, np.random.Generator], None]
@@ -21,7 +21,7 @@ NAMES = ("00000/position", "00000/velocity", "00000/particle_type")
 
 
 def cases(random: np.random.Generator, count: int, inputs: Inputs) -> Iterator[Case]:
-    """Bytes and contents in turn; the verbs in turn."""
+    """Bytes and contents alternate, and so do the verbs."""
     verbs = ("export", "compare", "forces", "restart", "particles", "evaluate", "train", "export")
     changes = list(CHANGES)
     for number in range(count):

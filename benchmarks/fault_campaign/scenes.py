@@ -15,7 +15,7 @@ import yaml
 
 from fault_campaign import damage
 from fault_campaign.inputs import QUIET, Inputs
-from fault_campaign.judge import Case
+from fault_campaign.verdict import Case
 
 WATER = {"block": {"min": [-0.1, -0.1, 0.5], "max": [0.1, 0.1, 0.7]}}
 POOL = {"block": {"min": [-0.28, -0.28, 0.02], "max": [0.28, 0.28, 0.14]}}

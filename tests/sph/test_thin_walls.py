@@ -1,4 +1,4 @@
-"""Walls that particles cannot tell from none are warned of, and edges are no walls."""
+"""Walls that are too thin for particles are warned of, and edges are no walls."""
 
 import pytest
 import torch

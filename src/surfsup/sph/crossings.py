@@ -1,6 +1,6 @@
 """Crossings: particles whose straight way from one frame to the next leads through a solid.
 
-Counting them is independent of what the simulator and collision handling do, so that it can tell when these fail.
+Counting them is independent of what the simulator and collision handling do, so that it shows when these fail.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ MAX_ADVANCES = 256  # along a way
 class CrossingCounter:
     """Counts the crossings of each step.
 
-    A way cannot reach a solid that was farther away at an earlier query than the particle has moved since then. So only
+    A way cannot reach a solid that was further away at an earlier query than the particle has moved since then. So only
     fast particles near a solid are queried.
 
     Args:

@@ -1,7 +1,7 @@
-"""Walls that are thinner than particles can tell: through them the water on one side feels that on the other.
+"""Walls that are too thin for particles: through them the water on one side interacts with that on the other.
 
-Particles stay :data:`CLEARANCE` away from both sides of a wall. Where the rest of the kernel support is thicker than the
-wall, neighbor search finds particles on the other side, whatever lies between.
+Particles stay :data:`CLEARANCE` away from both sides of a wall. Where the rest of the kernel support is thicker than
+the wall, neighbor search finds particles on the other side, whatever lies between.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from surfsup.sdf import Surface
 from surfsup.sph.clearance import CLEARANCE
 from surfsup.sph.kernels import KERNEL_SUPPORT
 
-FEELS_THROUGH = KERNEL_SUPPORT - 2 * CLEARANCE  # meters, with particles of 15 mm: of a wall that hides the other side
+OPAQUE = KERNEL_SUPPORT - 2 * CLEARANCE  # meters, with particles of 15 mm: of a wall that hides the other side
 SAMPLES = 256  # points of a solid whose wall is measured
 SHARE = 0.02  # of them that must be thin
 OPPOSITE = -0.7  # cosine between the normals of both sides of a wall; a sharp edge is no wall
@@ -28,7 +28,7 @@ STEP = 1e-5  # of the solid's extent
 
 def thin_wall_warning(solids: Solids, units: Units) -> str | None:
     """One line on the walls of a scene that are too thin for its particles; None if there are none."""
-    limit = FEELS_THROUGH * units.length
+    limit = OPAQUE * units.length
     named = [("the solid", solids.still), *((f"'{one.name}'", one.surface) for one in solids.moving)]
     for name, surface in named:
         thickness = None if surface is None else thin_wall(surface, limit)
@@ -38,7 +38,7 @@ def thin_wall_warning(solids: Solids, units: Units) -> str | None:
         remedy = f"particle_radius: {radius:.2g} avoids it" if radius >= 1e-3 else "only thicker walls avoid it"
         return (
             f"walls of {name} are {1000 * thickness:.2g} mm thick, particles {2000 * units.radius:.3g} mm: no water "
-            f"passes, but through less than {1000 * limit:.3g} mm water feels the water on the other side; {remedy}"
+            f"passes, but through less than {1000 * limit:.3g} mm water interacts with that on the other side; {remedy}"
         )
     return None
 
