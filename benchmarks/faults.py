@@ -26,8 +26,8 @@ import numpy as np
 
 from fault_campaign.campaign import KINDS, run_case
 from fault_campaign.inputs import make_inputs
-from fault_campaign.verdict import BAD
 from fault_campaign.preload import preload
+from fault_campaign.verdict import BAD
 
 
 def main() -> int:

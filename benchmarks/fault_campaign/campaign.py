@@ -14,8 +14,8 @@ import numpy as np
 
 from fault_campaign import learned, meshes, recordings, scenes
 from fault_campaign.inputs import Inputs
-from fault_campaign.verdict import BAD, Case, verdict
 from fault_campaign.program import call, surfsup
+from fault_campaign.verdict import BAD, Case, verdict
 
 
 @dataclass(frozen=True)

@@ -12,8 +12,8 @@ import numpy as np
 
 from fault_campaign import damage
 from fault_campaign.inputs import QUIET, Inputs, fit_arguments, train_arguments, without_graphics
-from fault_campaign.verdict import Case
 from fault_campaign.scenes import HOSTILE, at, places
+from fault_campaign.verdict import Case
 
 FILE = "file.safetensors"
 

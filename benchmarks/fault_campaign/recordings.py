@@ -13,8 +13,8 @@ import numpy as np
 
 from fault_campaign import damage
 from fault_campaign.inputs import QUIET, SCENE, Inputs, train_arguments, without_graphics
-from fault_campaign.verdict import Case
 from fault_campaign.scenes import HOSTILE
+from fault_campaign.verdict import Case
 
 Change = Callable[[Any, np.random.Generator], None]
 NAMES = ("00000/position", "00000/velocity", "00000/particle_type")
