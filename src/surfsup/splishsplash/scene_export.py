@@ -14,8 +14,16 @@ from surfsup.errors import InputError
 from surfsup.scene import Scene
 from surfsup.scene.solids import build_solids
 from surfsup.sph.dfsph import VISCOSITY
+from surfsup.sph.liquid import LiquidForces
 from surfsup.sph.state import SUBSTEP_TIME
-from surfsup.splishsplash.job_files import DFSPH, FIXED_STEP, STANDARD_VISCOSITY, VOLUME_MAPS, particle_file
+from surfsup.splishsplash.job_files import (
+    DFSPH,
+    FIXED_STEP,
+    VOLUME_MAPS,
+    explicit_viscosity,
+    implicit_viscosity,
+    particle_file,
+)
 
 RESOLUTION = 160  # cells of marching cubes along the longest side of a solid
 MAP_CELL = 2.0  # particle radii, of the solver's own volume maps
@@ -111,14 +119,22 @@ def export_scene(scene: Scene, out: Path) -> ExportedScene:
             {
                 "id": "Fluid",
                 "density0": scene.density,
-                "viscosityMethod": STANDARD_VISCOSITY,
-                "Standard viscosity": {"viscosity": VISCOSITY * scene.units.viscosity, "viscosityBoundary": 0.0},
+                **viscosity_of(scene),
             }
         ],
         "FluidModels": models,
         "RigidBodies": bodies,
     }
     return ExportedScene(content, missing, out, files)
+
+
+def viscosity_of(scene: Scene) -> dict[str, object]:
+    """The keys of a material for the viscosity of a scene, which its file has in the scene's own units."""
+    factor = scene.units.viscosity
+    liquid = LiquidForces.of(scene.units.liquid_to_solver(scene.liquid))
+    if liquid is None or liquid.viscosity is None:
+        return explicit_viscosity(factor * VISCOSITY)
+    return implicit_viscosity(factor * liquid.viscosity, factor * liquid.boundary_viscosity)
 
 
 def missing_in_file(scene: Scene) -> list[str]:
@@ -132,6 +148,8 @@ def missing_in_file(scene: Scene) -> list[str]:
         missing.append("taps, whose layers the emitters of SPlisHSPlasH do not have")
     if scene.drains:
         missing.append("drains")
+    if scene.liquid is not None and (scene.liquid.surface_tension or scene.liquid.adhesion):
+        missing.append("surface tension and adhesion")
     return missing
 
 

@@ -6,6 +6,7 @@ from surfsup.datasets.recipes.chairs import Chairs
 from surfsup.datasets.recipes.complex_scenes import ComplexScenes
 from surfsup.datasets.recipes.funnels import Funnels
 from surfsup.datasets.recipes.hills import Hills
+from surfsup.datasets.recipes.honey import Honey
 from surfsup.datasets.recipes.mountain import Mountain
 from surfsup.datasets.recipes.prim_shapes import PrimShapes
 from surfsup.datasets.recipes.prim_unions import PrimUnions
@@ -29,6 +30,7 @@ RECIPES: dict[str, type[Recipe]] = {
         Hills,
         Stirring,
         Taps,
+        Honey,
     )
 }
 
