@@ -88,6 +88,11 @@ def test_page_and_pictures_can_be_made_later(scene, tmp_path):
     assert (out / "frame-00002.png").read_bytes().startswith(b"\x89PNG")
     refused = surfsup("render", out / "trajectory.h5", "--frame", 3)
     assert (refused.returncode, "has the frames 0 to 2" in refused.stderr) == (2, True)
+    assert surfsup("view", out / "trajectory.h5", "-o", tmp_path / "elsewhere.html").returncode == 0
+    assert (tmp_path / "elsewhere.html").stat().st_size == (out / "page.html").stat().st_size
+    for name, fault in (("page.mp4", "does not end in .html"), ("missing/page.html", "there is no folder")):
+        refused = surfsup("view", out / "trajectory.h5", "-o", tmp_path / name)
+        assert (refused.returncode, fault in " ".join(refused.stderr.split())) == (2, True)
     options = ("--every", 1, "--fps", 60, "--size", "128x96", "--camera", "-90,10,1.5", "--turntable")
     done = surfsup("render", out / "trajectory.h5", *options)
     assert done.returncode == 0, done.stderr

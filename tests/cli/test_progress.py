@@ -102,3 +102,19 @@ class TestPlainLines:
         with progress_bar("counting"):
             pass
         assert capsys.readouterr().err == ""
+
+
+def test_lines_estimate_the_time_left_from_the_steps_after_the_first(monkeypatch):
+    error = io.StringIO()
+    monkeypatch.setattr(sys, "stderr", error)
+    clock = iter([0.0, 60.0, 66.0, 72.0])
+    monkeypatch.setattr(progress.time, "monotonic", lambda: next(clock))
+    lines = ProgressLines("rendering")
+    lines(1, 12)
+    lines(2, 12)
+    lines(3, 12)
+    assert error.getvalue().splitlines() == [
+        "rendering: 1/12, 0:01:00",
+        "rendering: 2/12, 0:01:06, 0:01:00 left",
+        "rendering: 3/12, 0:01:12, 0:00:54 left",
+    ]

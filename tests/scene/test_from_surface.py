@@ -72,6 +72,13 @@ def test_a_placement_that_does_not_fit_is_an_error_of_one_line(brick, placement,
     assert "\n" not in str(error.value)
 
 
+def test_a_file_in_millimeters_is_recognized_by_its_size(tmp_path):
+    path = tmp_path / "millimeters.stl"
+    trimesh.creation.box((200, 200, 150)).export(path)
+    with pytest.raises(InputError, match=r"is 200 x 200 x 150 m, larger .*, or give it scale: 0.001 in a scene file"):
+        build(path, fit=None)
+
+
 def test_a_faulty_mesh_causes_one_warning(tmp_path):
     ball = trimesh.creation.icosphere(2, 0.3)
     ball.update_faces(np.arange(len(ball.faces)) % 20 != 0)

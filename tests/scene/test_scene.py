@@ -158,7 +158,13 @@ def test_particles_in_the_solid_are_excluded_and_counted():
 
 def test_a_scene_without_particles_is_an_error():
     made = scene(WATER + "surface: {box: {size: [1, 1, 1]}, at: [0, 0, 1.2]}")
-    with pytest.raises(InputError, match="all 1728 particles are inside the solid"):
+    with pytest.raises(InputError, match="all 1728 particles are inside the solid; move the block"):
+        made.initial_particles(made.build_surface())
+
+
+def test_a_solid_in_millimeters_that_swallows_the_water_is_named_with_its_size():
+    made = scene(WATER + "surface: {box: {size: [200, 200, 150]}}")
+    with pytest.raises(InputError, match="which is 200 x 200 x 150 m; if its file is in millimeters, give it scale"):
         made.initial_particles(made.build_surface())
 
 

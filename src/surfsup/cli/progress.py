@@ -85,14 +85,17 @@ class ProgressLines(ProgressDisplay):
     def __init__(self, description: str) -> None:
         super().__init__(description)
         self._started = self._printed = time.monotonic()
+        self._first: tuple[float, int] | None = None
         self._unprinted = ""
 
     def __call__(self, done: int, total: int, seconds_left: float | None = None) -> None:
         """Print the state if the last line is some seconds old."""
         now = time.monotonic()
         elapsed = now - self._started
-        if seconds_left is None and done:
-            seconds_left = elapsed / done * (total - done)
+        # The first step often includes what is done once, so the speed is that of the steps after it.
+        since, first = self._first = self._first or (now, done)
+        if seconds_left is None and done > first:
+            seconds_left = (now - since) / (done - first) * (total - done)
         self._unprinted = f"{self.description}: {done}/{total}, {rounded(elapsed)}"
         if seconds_left is not None and done < total:
             self._unprinted += f", {rounded(seconds_left)} left"

@@ -33,7 +33,7 @@ def reference(
     from surfsup.scene.tap_checks import check_taps_and_drains
     from surfsup.sph.settle import start_of
     from surfsup.splishsplash import solver
-    from surfsup.splishsplash.compressed_start import warn_compressed_start
+    from surfsup.splishsplash.compressed_start import without_compression
     from surfsup.splishsplash.entering_water import with_ids
 
     scene = scene_options.read()
@@ -44,9 +44,10 @@ def reference(
     solids = build_solids(scene)
     start_time = scene.start_time
     check_taps_and_drains(scene, solids)
-    particles = start_of(scene, solids.at_time(start_time))
+    solid = solids.at_time(start_time)
+    particles = start_of(scene, solid)
     solver.check_installed()
-    warn_compressed_start(scene, particles)
+    particles = without_compression(scene, solid, particles)
     most = len(particles.positions) + entering_particles(scene)
     folder = output.create_folder(scene_options.source, most, scene.frames)
     frames: Iterator[OutputFrame] = (

@@ -16,17 +16,36 @@ if TYPE_CHECKING:
 TrajectoryFile = Annotated[Path, typer.Argument(metavar="TRAJECTORY", help="A trajectory.h5.")]
 
 
-def view(trajectory: TrajectoryFile) -> None:
-    """Write the page of a trajectory.
+def output_file(out: Path | None, beside: Path, name: str) -> Path:
+    """The file to write: ``out``, or the one called ``name`` next to the trajectory ``beside``.
 
-    The page is written next to the trajectory.
+    Raises:
+        typer.BadParameter: ``out`` is of another format, or its folder does not exist.
+    """
+    file = out or beside.with_name(name)
+    suffix = Path(name).suffix
+    if file.suffix.lower() != suffix:
+        raise typer.BadParameter(f"'{file}' does not end in {suffix}", param_hint="--out")
+    if not file.absolute().parent.is_dir():
+        raise typer.BadParameter(f"'{file}': there is no folder {file.parent}", param_hint="--out")
+    return file
+
+
+def view(
+    trajectory: TrajectoryFile,
+    out: Annotated[
+        Path | None, typer.Option("-o", "--out", help="The page; page.html next to the trajectory by default.")
+    ] = None,
+) -> None:
+    """Write the page of a trajectory.
 
     Example: surfsup view out/bunny/trajectory.h5
     """
     from surfsup.viewing.trajectory_pictures import write_trajectory_page
 
+    file = output_file(out, trajectory, "page.html")
     with progress_bar("writing the page") as bar:
-        page = write_trajectory_page(trajectory, trajectory.with_name("page.html"), bar)
+        page = write_trajectory_page(trajectory, file, bar)
     typer.echo(f"open {page} in a browser")
 
 
@@ -73,10 +92,14 @@ def render(
         str, typer.Option(metavar="AZIMUTH,ELEVATION[,ZOOM]", help="Degrees; -90,5 looks from the front.")
     ] = "-59.83,21.91",
     turntable: Annotated[bool, typer.Option("--turntable", help="The camera goes around once.")] = False,
+    out: Annotated[
+        Path | None,
+        typer.Option("-o", "--out", help="An .mp4, or a .png with --frame; next to the trajectory by default."),
+    ] = None,
 ) -> None:
     """Render the video of a trajectory.
 
-    With --frame it renders a picture of one frame. Both are written next to the trajectory.
+    With --frame it renders a picture of one frame.
 
     Example: surfsup render out/bunny/trajectory.h5 --fps 60 --size 1280x720 --turntable
     """
@@ -85,11 +108,11 @@ def render(
     from surfsup.viewing.video_settings import VideoSettings
 
     settings = VideoSettings(parse_size(size), fps, every, parse_direction(camera), turntable)
+    file = output_file(out, trajectory, "video.mp4" if frame is None else f"frame-{frame:05d}.png")
     require_graphics()
     if frame is not None:
-        picture = trajectory.with_name(f"frame-{frame:05d}.png")
-        output = write_frame_picture(trajectory, picture, frame, settings)
+        output = write_frame_picture(trajectory, file, frame, settings)
     else:
         with progress_bar("rendering the video") as bar:
-            output = write_trajectory_video(trajectory, trajectory.with_name("video.mp4"), bar, settings)
+            output = write_trajectory_video(trajectory, file, bar, settings)
     typer.echo(f"written to {output}")

@@ -15,6 +15,7 @@ from surfsup.scene.container import Container
 from surfsup.scene.fluid import PARTICLE_RADIUS, Block
 from surfsup.scene.scene import Scene
 from surfsup.scene.shapes import DeepSdfShape, MeshShape, Rotation, Shape, SirenShape
+from surfsup.scene.start import is_in_other_units
 from surfsup.sdf.neural import surface_file
 from surfsup.sdf.neural.shipped_surfaces import is_shipped
 
@@ -170,6 +171,8 @@ def check_fits(
     size = " x ".join(f"{side:.4g}" for side in upper - lower)
     room = " x ".join(f"{side:.4g}" for side in container.size)
     remedy = "give a smaller --fit or a larger --container" if fitted else "omit --no-fit to scale it"
+    if not fitted and is_in_other_units(lower, upper, container):
+        remedy += ", or give it scale: 0.001 in a scene file if it is in millimeters"
     if (upper - lower > np.asarray(container.size) + 1e-6).any():
         raise InputError(f"{path}: is {size} m, larger than the container of {room} m; {remedy}")
     if (upper - lower).max() < 4 * particle_radius:

@@ -20,11 +20,13 @@ from surfsup.scene.strict_model import Vector
 from surfsup.sdf import Surface
 
 if TYPE_CHECKING:
+    from surfsup.scene.container import Container
     from surfsup.scene.scene import Scene
 
 # Minimum distance of particles of 15 mm at the start, meters: in the reference at most 0.04 % come closer (measured).
 SURFACE_CLEARANCE = 0.0238
 WALL_CLEARANCE = 0.024
+UNIT_RATIO = 20  # a solid larger than as many containers is probably not in meters
 OVERLAP = 0.9  # spacings: particles of two entries that are closer overlap
 # Spacings between the particles of a file: of half of them, and of any two. Water at rest has pairs at 0.15 (measured).
 MIN_MEDIAN_DISTANCE, MIN_DISTANCE = 0.5, 0.05
@@ -54,10 +56,26 @@ def initial_particles(scene: Scene, surface: Surface | None) -> InitialParticles
             placed = np.concatenate([placed, positions[free]])
     if not blocks and scene.fluid:
         raise InputError(
-            f"fluid: all {excluded} particles are inside the solid; move the {scene.fluid[0].kind} or make the surface "
-            "smaller"
+            f"fluid: all {excluded} particles are inside the solid{size_hint(scene, surface)}; move the "
+            f"{scene.fluid[0].kind} or make the surface smaller"
         )
     return InitialParticles(blocks, velocities, excluded, tuple(settle))
+
+
+def size_hint(scene: Scene, surface: Surface | None) -> str:
+    """What a message says of a solid so large that its file probably has other units than meters."""
+    if surface is None:
+        return ""
+    lower, upper = surface.bounds().detach().cpu().double().numpy()
+    if not is_in_other_units(lower, upper, scene.container):
+        return ""
+    size = " x ".join(f"{side:.4g}" for side in upper - lower)
+    return f", which is {size} m; if its file is in millimeters, give it scale: 0.001"
+
+
+def is_in_other_units(lower: np.ndarray, upper: np.ndarray, container: Container) -> bool:
+    """Whether a solid with the corners ``lower`` and ``upper`` (3,) is too large for lengths in meters."""
+    return bool((upper - lower).max() > UNIT_RATIO * max(container.size))
 
 
 def entry_particles(

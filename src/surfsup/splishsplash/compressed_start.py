@@ -1,4 +1,4 @@
-"""Warns of fluid that starts so close to walls that the solver's first step throws it apart."""
+"""Moves fluid apart that starts so close to walls that the solver's first step would throw it apart."""
 
 from __future__ import annotations
 
@@ -7,6 +7,10 @@ import warnings
 import numpy as np
 
 from surfsup.scene import InitialParticles, Scene
+from surfsup.scene.solids import Solids
+from surfsup.sdf import Surface
+from surfsup.sph.decompress import decompressed
+from surfsup.sph.environment import Environment
 
 # Meters, with particles of 15 mm, from a wall to the nearest particle's center. Closer lattices are denser than the
 # solver allows: at one wall it ejects them at 4 m/s, in an edge or a corner, as in a pool, they gain 0.2 and 0.85 J/kg
@@ -16,28 +20,41 @@ CORNER_DISTANCE = 0.049
 
 
 class CompressedStartWarning(UserWarning):
-    """The fluid starts so close to walls that the solver throws it apart; the message says where."""
+    """The fluid starts so close to walls that it was moved apart; the message says where and how far."""
 
 
-def warn_compressed_start(scene: Scene, start: InitialParticles) -> None:
-    """Warn if the particles of ``start`` are too close to the container's walls.
+def without_compression(scene: Scene, surface: Surface | None, start: InitialParticles) -> InitialParticles:
+    """``start``, moved apart where its particles are too close to the container's walls.
+
+    Args:
+        scene: the scene.
+        surface: its solids where they are at the start, both in the scene's own units.
+        start: the particles, in the scene's own units.
 
     Warns:
-        CompressedStartWarning: they are.
+        CompressedStartWarning: particles were moved.
     """
     positions, size = start.positions, scene.units.length
     if not len(positions):
-        return
+        return start
     gaps = np.concatenate(
         [positions.min(axis=0) - scene.container.lower, np.subtract(scene.container.upper, positions.max(axis=0))]
     )
     in_corner = (gaps < CORNER_DISTANCE * size).sum() > 1
     distance = (CORNER_DISTANCE if in_corner else WALL_DISTANCE) * size
-    if gaps.min() < distance:
-        warnings.warn(
-            f"fluid: it begins {1000 * gaps.min():.3g} mm from {'several walls' if in_corner else 'a wall'}, where the "
-            f"solver finds it too dense and throws it apart at once; leave {1000 * distance:.3g} mm to the first "
-            "particle",
-            CompressedStartWarning,
-            stacklevel=2,
-        )
+    if gaps.min() >= distance:
+        return start
+    units = scene.units.around(scene, start)
+    solid = units.surface_to_solver(surface)
+    environment = Environment.of(units.scene_to_solver(scene), solid, solids=Solids(solid))
+    apart = units.particles_from_solver(decompressed(units.particles_to_solver(start), environment))
+    moved = np.linalg.norm(apart.positions - positions, axis=1)
+    warnings.warn(
+        f"fluid: it begins {1000 * gaps.min():.3g} mm from {'several walls' if in_corner else 'a wall'}, where the "
+        "solver would find it too dense and throw it apart at once; so its particles are moved apart before, by "
+        f"{1000 * moved.mean():.2g} mm on average, {1000 * moved.max():.2g} at most; leave {1000 * distance:.3g} mm to "
+        "the first particle to keep its place",
+        CompressedStartWarning,
+        stacklevel=2,
+    )
+    return apart
