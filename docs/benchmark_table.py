@@ -28,6 +28,9 @@ ROWS = (
     "physics_archimedes",
     "physics_floor",
     "physics_draught",
+    "physics_vessels",
+    "physics_outflow",
+    "physics_bucket",
     "dam_break",
     "stability",
 )

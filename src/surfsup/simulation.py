@@ -20,6 +20,7 @@ from surfsup.scene.solids import Solids
 from surfsup.scene.tap_checks import check_taps_and_drains
 from surfsup.scene.wrench import Wrench
 from surfsup.sph.collision import resolve_collisions
+from surfsup.sph.crossings import CrossingCounter
 from surfsup.sph.device import choose_device
 from surfsup.sph.environment import Environment
 from surfsup.sph.interpolation import ROUNDING, hermite
@@ -76,6 +77,7 @@ class SimulationState:
         poses: of all that moves, by name, in the units of the scene.
         forces: on the solids in the last step, mean, by name, in the units of the scene.
         bodies: velocities and accelerations of the rigid bodies by name, in the units of the scene.
+        crossings: number of times so far that the straight way of a particle in a step led through a solid.
 
     Examples:
         >>> import surfsup as sf
@@ -92,6 +94,7 @@ class SimulationState:
     poses: Mapping[str, Pose] = field(default_factory=dict)
     forces: Mapping[str, Wrench] = field(default_factory=dict)
     bodies: Mapping[str, BodyState] = field(default_factory=dict)
+    crossings: int = 0
 
 
 class Simulation:
@@ -161,6 +164,7 @@ class Simulation:
         )
         fluid = self._simulator.initial_state(positions, velocities, self._environment)
         self._bodies = RigidBodies(scene, self.motion.solids)
+        self._crossings = CrossingCounter(handle_collisions)
         poses = self.motion.solids.poses(self._start_time)
         self._start = SimulationState(0, fluid, poses, bodies=self._bodies.start())
         self._state = self._start
@@ -243,7 +247,8 @@ class Simulation:
         impulses = environment.impulses
         forces = {} if impulses is None else impulses.wrenches(self._units, self.scene.density, part)
         number = state.frame + 1 if part == 1 else state.frame
-        return SimulationState(number, fluid, poses, forces, self._bodies.pushed(bodies, forces))
+        crossings = state.crossings + self._crossings.count(state.fluid, fluid, environment)
+        return SimulationState(number, fluid, poses, forces, self._bodies.pushed(bodies, forces), crossings)
 
     def set_pose(
         self, name: str, position: Sequence[float] | np.ndarray, rotation: Sequence[float] | np.ndarray = NO_ROTATION

@@ -14,9 +14,17 @@ from surfsup.errors import InputError
 from surfsup.scene import Scene
 from surfsup.scene.solids import build_solids
 from surfsup.sph.dfsph import VISCOSITY
+from surfsup.sph.liquid import LiquidForces
 from surfsup.sph.state import SUBSTEP_TIME
 from surfsup.splishsplash.emitters import FLOW_TOLERANCE, emitter_of
-from surfsup.splishsplash.job_files import DFSPH, FIXED_STEP, STANDARD_VISCOSITY, VOLUME_MAPS, particle_file
+from surfsup.splishsplash.job_files import (
+    DFSPH,
+    FIXED_STEP,
+    VOLUME_MAPS,
+    explicit_viscosity,
+    implicit_viscosity,
+    particle_file,
+)
 
 RESOLUTION = 160  # cells of marching cubes along the longest side of a solid
 MAP_CELL = 2.0  # particle radii, of the solver's own volume maps
@@ -97,12 +105,7 @@ def export_scene(scene: Scene, out: Path) -> ExportedScene:
                 "initialVelocity": [float(value) for value in velocity],
             }
         )
-    material: dict[str, object] = {
-        "id": "Fluid",
-        "density0": scene.density,
-        "viscosityMethod": STANDARD_VISCOSITY,
-        "Standard viscosity": {"viscosity": VISCOSITY * scene.units.viscosity, "viscosityBoundary": 0.0},
-    }
+    material: dict[str, object] = {"id": "Fluid", "density0": scene.density, **viscosity_of(scene)}
     content: dict[str, object] = {
         "Configuration": {
             "particleRadius": scene.particle_radius,
@@ -128,6 +131,15 @@ def export_scene(scene: Scene, out: Path) -> ExportedScene:
     return ExportedScene(content, missing, out, files)
 
 
+def viscosity_of(scene: Scene) -> dict[str, object]:
+    """The keys of a material for the viscosity of a scene, which its file has in the scene's own units."""
+    factor = scene.units.viscosity
+    liquid = LiquidForces.of(scene.units.liquid_to_solver(scene.liquid))
+    if liquid is None or liquid.viscosity is None:
+        return explicit_viscosity(factor * VISCOSITY)
+    return implicit_viscosity(factor * liquid.viscosity, factor * liquid.boundary_viscosity)
+
+
 def missing_in_file(scene: Scene) -> list[str]:
     """What a scene has and a file of SPlisHSPlasH does not, a phrase each."""
     missing = []
@@ -137,6 +149,8 @@ def missing_in_file(scene: Scene) -> list[str]:
         missing.append("motions of solids, which SPlisHSPlasH takes from a script only")
     if scene.drains:
         missing.append("drains")
+    if scene.liquid is not None and (scene.liquid.surface_tension or scene.liquid.adhesion):
+        missing.append("surface tension and adhesion")
     return missing
 
 
