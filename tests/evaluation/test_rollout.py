@@ -4,6 +4,7 @@ import pytest
 from surfsup.evaluation.evaluate import evaluate_trajectory
 from surfsup.evaluation.rollout import write_rollout
 from surfsup.evaluation.scores import ALL
+from surfsup.evaluation.validation_scores import score_rollout
 from surfsup.io.trajectory import Trajectory
 from surfsup.native.dispatch import is_built
 from surfsup.scene import Scene
@@ -72,6 +73,7 @@ def test_a_reference_that_continues_another_has_its_solids_where_they_were(tmp_p
             assert rollout.start_time == pytest.approx(0.1)
             np.testing.assert_allclose(rollout.poses["bar"], reference.poses["bar"], atol=1e-12)
             np.testing.assert_allclose(rollout.positions[:], reference.positions[:], atol=1e-4)
+        assert score_rollout(DfsphSolver(), reference, 6).chamfer < 1e-4
 
 
 @pytest.mark.skipif(not is_built(), reason="too slow without the C++ code")

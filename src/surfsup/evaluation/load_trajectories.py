@@ -204,6 +204,8 @@ def scene_difference(one: Scene, other: Scene) -> str | None:
         return "surfaces"
     if one.gravity != other.gravity:
         return "gravities"
+    if one.liquid != other.liquid:
+        return "liquids"
     if len(here.taps) != len(there.taps) or not all(
         same_tap(*pair, other.spacing) for pair in zip(here.taps, there.taps, strict=True)
     ):

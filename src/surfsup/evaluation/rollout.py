@@ -19,6 +19,17 @@ from surfsup.sph.open_water import Passages, WithTaps
 from surfsup.sph.simulator import Simulator, StateType
 
 
+def environment_of(reference: Trajectory, device: torch.device | str = "cpu") -> Environment:
+    """The environment of a trajectory of the reference, with its solids where they were at its start.
+
+    Raises:
+        InputError: a mesh file of the scene is not valid.
+    """
+    scene, units = reference.scene, reference.scene.units
+    solids = units.solids_to_solver(build_solids(scene), reference.start_time)
+    return Environment.of(units.scene_to_solver(scene), solids.still, device, solids)
+
+
 def until_diverged(rollout: Iterator[tuple[StateType, torch.Tensor]]) -> Iterator[tuple[StateType, torch.Tensor]]:
     """The frames of a rollout up to the first that is not finite or in which the fluid has collapsed."""
     with suppress(SimulationError):
@@ -89,8 +100,7 @@ def write_rollout(
     """
     scene = reference.scene.with_frames(frames)
     units, own_solids = scene.units, build_solids(scene)
-    solids = units.solids_to_solver(own_solids, reference.start_time)
-    environment = Environment.of(units.scene_to_solver(scene), solids.still, device, solids)
+    environment = environment_of(reference, device)
     count = len(reference.ids(0))
     if scene.is_open:
         passages = Passages.of(scene, own_solids, reference.start_time)

@@ -7,6 +7,7 @@ from surfsup.datasets.recipes.complex_scenes import ComplexScenes
 from surfsup.datasets.recipes.fine import Fine
 from surfsup.datasets.recipes.funnels import Funnels
 from surfsup.datasets.recipes.hills import Hills
+from surfsup.datasets.recipes.honey import Honey
 from surfsup.datasets.recipes.mountain import Mountain
 from surfsup.datasets.recipes.pouring import Pouring
 from surfsup.datasets.recipes.prim_shapes import PrimShapes
@@ -35,6 +36,7 @@ RECIPES: dict[str, type[Recipe]] = {
         Pouring,
         Tilting,
         Fine,
+        Honey,
     )
 }
 
