@@ -10,6 +10,7 @@ from __future__ import annotations
 import os
 import shutil
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
@@ -254,12 +255,16 @@ class TrajectoryWriter:
             self._file = h5py.File(self._path, "w")
         except OSError as error:
             reason = os.strerror(error.errno) if error.errno else single_line(error)
+            with suppress(OSError):
+                if self._path.stat().st_size == 0:
+                    self._path.unlink()
             raise InputError(f"{path}: cannot be written ({reason})") from None
         self._space = ReservedSpace(self._path)
         try:
             self._space.reserve(len(text) + 8 * particles + SPARE_BYTES)
         except InputError:
-            self._file.close()
+            with suppress(OSError, RuntimeError):  # the same error once more
+                self._file.close()
             self._path.unlink()
             raise
         self._file.attrs.update(
