@@ -3,7 +3,7 @@
 PYTHON ?=
 export PYTHON
 
-.PHONY: help demo test docs bench faults sanitize wheel corrected surfaces design setup clean
+.PHONY: help demo test docs bench faults sanitize wheel release corrected surfaces design setup clean
 help:
 	@echo "make demo     water on a knot: a page and a video in out/demo"
 	@echo "make test     style, types, import rules, all tests, and the documentation"
@@ -12,6 +12,7 @@ help:
 	@echo "make faults   the fault campaign: damaged files, kills, full disks; an hour"
 	@echo "make sanitize the tests of the C++ code with the sanitizers of the compiler; half an hour"
 	@echo "make wheel    a wheel with the C++ code for the present Python, in dist"
+	@echo "make release  wheels, source archive, notes and checksums, in dist"
 	@echo "make corrected  data and training of the corrected simulator; hours, resumable"
 	@echo "make surfaces fit the shipped neural surfaces: coral, chairs, bowls; half an hour, resumable"
 	@echo "make design   bowl, funnel, chair and three balls, in out/design; half an hour, resumable"
@@ -57,6 +58,9 @@ sanitize: setup
 # For Linux systems without a compiler; pyproject.toml has the configuration of cibuildwheel for all systems.
 wheel:
 	scripts/build-wheel $(or $(PYTHON),python3)
+
+release:
+	scripts/release $(PYTHON)
 
 # The corrected simulator, which does not ship.
 corrected: setup

@@ -11,24 +11,19 @@ from __future__ import annotations
 import json
 import math
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
 import torch
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
-from record import ROOT, write_result
+from physics_results import DENSITY, GRAVITY, MARGIN, Row, level, picture, write
 from surfsup.scene import PARTICLE_RADIUS, Scene
 from surfsup.simulation import Frame, Simulation
 
-GRAVITY, DENSITY = 9.81, 1000.0
 SETTLING, AVERAGED = 300, 200  # frames: 1.5 s and 1 s
 GAP = 0.02  # meters from walls to the block of water at the start, as in benchmarks/at_rest.py
-MARGIN = 0.05  # meters from walls and bodies within which the level is not measured
-
-Row = dict[str, float | str]
 
 
 def pool(
@@ -46,15 +41,6 @@ def pool(
     for _ in range(frames):
         simulation.step()
     return simulation, [simulation.step() for _ in range(AVERAGED)]
-
-
-def level(frames: list[Frame], side: float, hole: float = 0.0) -> float:
-    """Height of the surface in meters: half a spacing above the top layer, away from walls and a body in the middle."""
-    heights = []
-    for frame in frames[:: max(1, len(frames) // 20)]:
-        across = np.abs(frame.positions[:, :2]).max(axis=1)
-        heights.append(np.quantile(frame.positions[(across < side / 2 - MARGIN) & (across > hole), 2], 0.98))
-    return float(np.mean(heights)) + PARTICLE_RADIUS
 
 
 def archimedes() -> None:
@@ -100,7 +86,7 @@ def archimedes() -> None:
 def floor() -> None:
     """The pressure on the floor of a pool over that of a column of water of the same height."""
     side, rows = 0.5, []
-    for depth in (0.12, 0.2, 0.28, 0.36, 0.44):
+    for depth in (0.12, 0.2, 0.28, 0.36, 0.44, 0.64, 0.94):
         simulation, frames = pool(side, depth, {})
         force = -float(np.mean([frame.forces["container"].force[2] for frame in frames]))
         weight = len(simulation.particles.positions) * DENSITY * (2 * PARTICLE_RADIUS) ** 3 * GRAVITY
@@ -131,7 +117,7 @@ def floor() -> None:
 
     picture("floor", draw)
     worst = max(rows, key=lambda row: abs(row["ratio"] - 1))
-    write("floor", "Mean pressure on a floor over ρ g h, worst of five heights", worst["ratio"], "", rows)
+    write("floor", "Mean pressure on a floor over ρ g h, worst of seven heights", worst["ratio"], "", rows)
 
 
 def draught() -> None:
@@ -168,22 +154,6 @@ def draught() -> None:
         "mm",
         rows,
     )
-
-
-def picture(name: str, draw: Callable[[Axes], None]) -> None:
-    """Write the picture of a measurement for the docs."""
-    figure = Figure(figsize=(5.2, 3.4), layout="constrained", dpi=130)
-    axes = figure.subplots()
-    draw(axes)
-    axes.spines[["top", "right"]].set_visible(False)
-    figure.savefig(ROOT / "docs" / "images" / f"physics-{name}.png", metadata={"Software": None})
-
-
-def write(name: str, claim: str, figure: float, unit: str, rows: list[Row] | list[dict[str, float]]) -> None:
-    """Write the result of a measurement."""
-    rounded = [{key: round(v, 5) if isinstance(v, float) else v for key, v in row.items()} for row in rows]
-    command = f"python benchmarks/physics.py {name}"
-    write_result(f"physics_{name}", claim, round(figure, 3), unit, None, None, command, {"cases": rounded}, threads=1)
 
 
 MEASUREMENTS = {"archimedes": archimedes, "floor": floor, "draught": draught}

@@ -28,6 +28,10 @@ ROWS = (
     "physics_archimedes",
     "physics_floor",
     "physics_draught",
+    "physics_vessels",
+    "physics_outflow",
+    "physics_bucket",
+    "thin_cup",
     "dam_break",
     "stability",
 )

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from surfsup.evaluation.pair import evaluate_pair as evaluate
     from surfsup.exporting.export import export
     from surfsup.io.trajectory import Trajectory
-    from surfsup.scene import Block, Container, Drain, Fill, ParticleFile, Scene, Tap, load_mesh
+    from surfsup.scene import Block, Container, Drain, Fill, Liquid, ParticleFile, Scene, Tap, load_mesh
     from surfsup.scene.pose import Pose
     from surfsup.scene.wrench import Wrench
     from surfsup.sdf import (
@@ -49,7 +49,9 @@ _MODULES = {
     "SimulationError": "errors",
     "Trajectory": "io.trajectory",
     "export": "exporting.export",
-    **dict.fromkeys(("Block", "Container", "Drain", "Fill", "ParticleFile", "Scene", "Tap", "load_mesh"), "scene"),
+    **dict.fromkeys(
+        ("Block", "Container", "Drain", "Fill", "Liquid", "ParticleFile", "Scene", "Tap", "load_mesh"), "scene"
+    ),
     "Pose": "scene.pose",
     "Wrench": "scene.wrench",
     **dict.fromkeys(("Bowl", "Box", "CappedCone", "Cylinder", "Difference", "Funnel", "Heightfield"), "sdf"),
@@ -74,6 +76,7 @@ __all__ = [
     "Heightfield",
     "InputError",
     "Intersection",
+    "Liquid",
     "ParticleFile",
     "Pose",
     "Scene",

@@ -19,5 +19,7 @@ def test_each_is_a_scene_with_a_description(name):
 
 
 def test_an_unknown_one_is_refused_with_the_nearest():
-    with pytest.raises(InputError, match=r"no example 'tecup' \(did you mean 'teacup'\?\); there are boat, knot"):
+    with pytest.raises(
+        InputError, match=r"no example 'tecup' \(did you mean 'teacup'\?\); there are boat, honey, knot"
+    ):
         example_file("tecup")

@@ -267,7 +267,14 @@ def step_arguments(count: int = 10) -> dict[str, object]:
         | container
         | solid
         | rest
-        | {"moving": None, "impulses": None, "isa": native.instruction_sets()[0], "threads": 1, "max_pairs": 1000}
+        | {
+            "moving": None,
+            "impulses": None,
+            "liquid": None,
+            "isa": native.instruction_sets()[0],
+            "threads": 1,
+            "max_pairs": 1000,
+        }
     )
 
 

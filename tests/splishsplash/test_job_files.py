@@ -4,9 +4,11 @@ import struct
 import numpy as np
 import pytest
 
+from surfsup.scene import Liquid
 from surfsup.sdf import Sphere
 from surfsup.sph.boundary.volume_map import build_volume_map
-from surfsup.splishsplash.job_files import particle_file, solver_scene, write_job
+from surfsup.sph.liquid import NO_SLIP, VISCOSITY_FACTOR, LiquidForces
+from surfsup.splishsplash.job_files import material, particle_file, solver_scene, write_job
 
 
 @pytest.fixture(scope="module")
@@ -48,3 +50,19 @@ def test_the_particle_file_has_houdinis_format(count):
     np.testing.assert_array_equal(points[:, :3], positions)
     assert (points[:, 3] == 1).all()
     assert data[-2:] == b"\x00\xff"
+
+
+def test_a_liquid_has_the_viscosity_of_weiler_and_the_tension_of_akinci_with_our_coefficients():
+    water = material(None)
+    assert water["viscosityMethod"] == 1 and "surfaceTensionMethod" not in water
+    forces = LiquidForces.of(Liquid(viscosity=0.1, friction=0.5, surface_tension=57.0, adhesion=2.2))
+    honey = material(forces)
+    assert honey["viscosityMethod"] == 6 and honey["surfaceTensionMethod"] == 2
+    assert honey["Weiler et al. 2018"]["viscosity"] == pytest.approx(0.1 * VISCOSITY_FACTOR)
+    assert honey["Weiler et al. 2018"]["viscosityBoundary"] == pytest.approx(0.1 * VISCOSITY_FACTOR * NO_SLIP / 2)
+    assert honey["Akinci et al. 2013"] == pytest.approx({"surfaceTension": 1.0, "surfaceTensionBoundary": 1.0})
+
+
+def test_tension_alone_keeps_the_solver_s_own_viscosity():
+    values = material(LiquidForces.of(Liquid(surface_tension=10.0)))
+    assert values["viscosityMethod"] == 1 and values["surfaceTensionMethod"] == 2

@@ -25,6 +25,7 @@ RECIPE_NAMES = (
     "hills",
     "stirring",
     "taps",
+    "honey",
 )
 
 

@@ -294,6 +294,7 @@ class TrajectoryWriter:
             for name in ("position", "velocity")
         ]
         group["particle_type"] = np.full(particles, FLUID_TYPE, dtype=np.int64)
+        self._file.flush()  # a file that a kill leaves is a trajectory, if one without frames
         self._poses: list[Mapping[str, Pose]] = []  # of the frames in the buffer
         # The first frame of each particle and the one after its last. All zero for those that have not yet come.
         self._lifetimes = np.zeros((particles, 2), np.int64)

@@ -168,19 +168,31 @@ class SolverParameters:
     boundary: BoundaryParameters
     collision: CollisionParameters
 
+class LiquidParameters:
+    """Parameters of a liquid; see sph/liquid.hpp."""
+
+    implicit_viscosity: bool
+    viscosity: float
+    friction: float
+    cohesion: float
+    curvature: float
+    adhesion: float
+    tolerance: float
+    max_iterations: int
+
 class StepResult:
     """How a step ended.
 
     Attributes:
         pairs: number of neighbor pairs; above ``max_pairs`` or -1 the step stopped early.
-        solid_work: of what moves on the particles, mean J/kg.
+        outer_work: of what moves, of surface tension and adhesion on the particles, mean J/kg.
         finished: False where the energy limit was exceeded and the caller must finish the step.
     """
 
     @property
     def pairs(self) -> int: ...
     @property
-    def solid_work(self) -> float: ...
+    def outer_work(self) -> float: ...
     @property
     def finished(self) -> bool: ...
 
@@ -214,6 +226,7 @@ class Solver:
         record: Record | None,
         moving: Moving | None,
         impulses: Impulses | None,
+        liquid: LiquidParameters | None,
         isa: str,
         threads: int,
         max_pairs: int,

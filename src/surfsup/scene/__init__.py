@@ -3,6 +3,7 @@
 from surfsup.scene.container import WALL_CELL, Container
 from surfsup.scene.fill import Fill
 from surfsup.scene.fluid import NEAR_SURFACE_DISTANCE, PARTICLE_RADIUS, SPACING, Block, Fluid, InitialParticles
+from surfsup.scene.liquid import Liquid
 from surfsup.scene.mesh_surface import load_mesh
 from surfsup.scene.particle_file import ParticleFile
 from surfsup.scene.scene import Scene
@@ -25,6 +26,7 @@ __all__ = [
     "Fill",
     "Fluid",
     "InitialParticles",
+    "Liquid",
     "ParticleFile",
     "Scene",
     "Shape",

@@ -16,6 +16,7 @@ from surfsup.errors import InputError
 from surfsup.scene.container import Container
 from surfsup.scene.fill import Fill
 from surfsup.scene.fluid import PARTICLE_RADIUS, Block, Fluid, InitialParticles
+from surfsup.scene.liquid import Liquid, named_liquid
 from surfsup.scene.mesh_surface import MeshFileSurface
 from surfsup.scene.particle_file import ParticleFile, end_time
 from surfsup.scene.safe_yaml import parse_yaml
@@ -70,7 +71,8 @@ class Scene(StrictModel):
         drains: in which water leaves.
         forces: names of the solids on which the force of the fluid is recorded, or ``all``. The walls are
             ``container``, a single surface is ``surface``.
-        density: of the fluid at rest, kg/m³.
+        density: of the fluid at rest, kg/m³; that of the liquid, if there is one.
+        liquid: what flows, or its name: water, oil, glycerin, honey. By default water as viscous as the solver has it.
 
     Raises:
         InputError: a value is out of range, ``frames`` and ``duration`` contradict each other, or a name under
@@ -97,6 +99,7 @@ class Scene(StrictModel):
     drains: list[Drain] = Field(default_factory=list)
     forces: Literal["all"] | list[str] = Field(default_factory=list)
     density: Density = 1000.0
+    liquid: Liquid | None = None
     _folder: Path = PrivateAttr(default=Path())
 
     @for_callers_only
@@ -116,10 +119,13 @@ class Scene(StrictModel):
         taps: Sequence[Tap] = (),
         drains: Sequence[Drain] = (),
         forces: Literal["all"] | Sequence[str] = (),
-        density: float = 1000.0,
+        density: float | None = None,
+        liquid: Liquid | str | None = None,
     ) -> None:
         entries = [Fluid.of(entry) for entry in fluid]
-        given = {} if frames is None else {"frames": frames}
+        given: dict[str, float] = {} if frames is None else {"frames": frames}
+        if density is not None:
+            given["density"] = density
         super().__init__(
             fluid=entries,
             surface=surface,
@@ -133,7 +139,7 @@ class Scene(StrictModel):
             taps=list(taps),
             drains=list(drains),
             forces=forces if forces == "all" else list(forces),
-            density=density,
+            liquid=liquid,
             **given,
         )
 
@@ -214,6 +220,25 @@ class Scene(StrictModel):
                     motion.spin.check_turn(self.units.frame_time)
             except ValueError as error:
                 raise ValueError(f"{place}: {error}") from None
+        return self
+
+    @field_validator("liquid", mode="before")
+    @classmethod
+    def find_liquid(cls, value: Any) -> Any:
+        """Take a name for the liquid that has it."""
+        return named_liquid(value)
+
+    @model_validator(mode="after")
+    def take_density(self) -> Scene:
+        """Take the density of the liquid."""
+        if self.liquid is not None:
+            density = self.liquid.density
+            if "density" in self.model_fields_set and self.density != density:
+                raise ValueError(
+                    f"density: {self.density:g} contradicts that of the liquid, {density:g} kg/m³; give it under "
+                    "'liquid' alone"
+                )
+            self.__dict__["density"] = density  # the model is frozen for its users
         return self
 
     @field_validator("forces", mode="before")
@@ -400,8 +425,8 @@ class Scene(StrictModel):
 
     @property
     def needs_native(self) -> bool:
-        """Whether the scene needs the C++ code, on the CPU: something moves, or forces are requested."""
-        return self.moves or bool(self.forces)
+        """Whether the scene needs the C++ code, on the CPU: something moves, forces are requested, it has a liquid."""
+        return self.moves or bool(self.forces) or self.liquid is not None
 
     @property
     def flush(self) -> bool:

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from surfsup.scene.fluid import PARTICLE_RADIUS, InitialParticles
+from surfsup.scene.liquid import Liquid
 from surfsup.scene.motion import PoseFunction
 from surfsup.scene.nozzle import Nozzle
 from surfsup.scene.pose import Pose
@@ -84,6 +85,11 @@ class Units:
         return self.length**1.5
 
     @property
+    def tension(self) -> float:
+        """Of surface tensions at equal density."""
+        return self.length**2
+
+    @property
     def force(self) -> float:
         """Of forces at equal density; torques have ``force * length``."""
         return self.length**3
@@ -116,9 +122,21 @@ class Units:
             "taps": [],
             "drains": [],
             "particle_radius": PARTICLE_RADIUS,
+            "liquid": self.liquid_to_solver(scene.liquid),
         }
         copy = scene.model_copy(update={**changes, "fps": scene.fps and scene.fps * self.time, "duration": None})
         return copy.with_base_folder(scene.base_folder)
+
+    def liquid_to_solver(self, liquid: Liquid | None) -> Liquid | None:
+        """A liquid in the units of the solver, with the same density."""
+        if liquid is None or self.same:
+            return liquid
+        changes = {
+            "viscosity": None if liquid.viscosity is None else liquid.viscosity / self.viscosity,
+            "surface_tension": liquid.surface_tension / self.tension,
+            "adhesion": liquid.adhesion / self.tension,
+        }
+        return liquid.model_copy(update=changes)
 
     def surface_to_solver(self, surface: Surface | None) -> Surface | None:
         """A solid in the units of the scene as one in those of the solver."""

@@ -20,6 +20,7 @@ from surfsup.sdf import Surface, Transformed
 from surfsup.sdf.edges import with_edges
 from surfsup.sph.boundary.boundary_map import BoundaryMap
 from surfsup.sph.impulses import Impulses
+from surfsup.sph.liquid import LiquidForces
 from surfsup.sph.moving import FrameMotion, MovingSolids
 
 
@@ -46,6 +47,7 @@ class Environment:
         unmoved: the same without that motion and those impulses; None without either.
         solids: all solids; None where forces on them are never requested.
         impulses: of the next frame, to which the solver adds; None where they are not requested.
+        liquid: what flows, or None for the solver's own water.
         supplied_energy: that taps have brought into the fluid and the next frame may release, mean J/kg.
     """
 
@@ -60,6 +62,7 @@ class Environment:
     solids: Solids | None = None
     impulses: Impulses | None = None
     supplied_energy: float = 0.0
+    liquid: LiquidForces | None = None
 
     def __getstate__(self) -> dict[str, object]:
         """The fields alone: cached native objects can be neither copied nor pickled."""
@@ -98,6 +101,7 @@ class Environment:
             None if surface is None or tensors_requiring_grad(surface) else BoundaryMap.of(surface, container),
             MovingSolids(solids) if solids is not None and solids.move else None,
             solids=solids,
+            liquid=LiquidForces.of(scene.liquid),
         )
 
     def moved(self, motion: FrameMotion) -> Environment:
@@ -143,6 +147,7 @@ class Environment:
             corners.amax(dim=0),
             matrix @ self.gravity,
             None if self.boundary_map is None else self.boundary_map.rotated(matrix),
+            liquid=self.liquid,
         )
 
     def distance_and_normal(self, points: Tensor) -> tuple[Tensor, Tensor]:

@@ -54,7 +54,7 @@ def step_part(
     frame = solver.step(state, environment, handle_collisions, part)
     if frame.finished:
         return ParticleState(frame.positions, frame.velocities), frame.collided
-    supplied = frame.solid_work + environment.supplied_energy
+    supplied = frame.outer_work + environment.supplied_energy
     positions, velocities = limit_energy_gain(state, frame.positions, frame.velocities, environment, part, supplied)
     if not handle_collisions:
         return ParticleState(positions, velocities), frame.collided

@@ -37,7 +37,7 @@ class NativeFrame:
         collided: (N,) bool, which particles collision handling moved.
         last_query: where each particle last queried the solid.
         finished: False where the energy limit was exceeded. Then neither limiter nor collision handling was applied.
-        solid_work: of what moves on the particles, mean J/kg.
+        outer_work: of what moves, of surface tension and adhesion on the particles, mean J/kg.
     """
 
     positions: Tensor
@@ -45,7 +45,7 @@ class NativeFrame:
     collided: Tensor
     last_query: LastQuery
     finished: bool
-    solid_work: float = 0.0
+    outer_work: float = 0.0
 
 
 class NativeSolver:
@@ -147,6 +147,7 @@ class NativeSolver:
             record=record,
             moving=moving,
             impulses=impulses,
+            liquid=None if environment.liquid is None else environment.liquid.native,
             isa=self.isa,
             threads=torch.get_num_threads(),
             max_pairs=max_pairs(count, KERNEL_SUPPORT),
@@ -162,7 +163,7 @@ class NativeSolver:
             torch.from_numpy(collided),
             last_query,
             result.finished,
-            result.solid_work,
+            result.outer_work,
         )
 
     def _solver(self, part: FramePart) -> native.Solver:

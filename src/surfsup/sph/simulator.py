@@ -39,12 +39,14 @@ class Simulator(ABC, Generic[StateType]):
         knows_moving_solids: whether solids and container may move.
         knows_taps: whether the number of particles may change from frame to frame; its state is then positions and
             velocities alone.
+        knows_liquids: whether it knows viscosity, surface tension and adhesion.
         measures_forces: whether it computes the forces of the fluid on solids.
     """
 
     history_length: ClassVar[int]
     knows_moving_solids: ClassVar[bool] = False
     knows_taps: ClassVar[bool] = False
+    knows_liquids: ClassVar[bool] = False
     measures_forces: ClassVar[bool] = False
 
     @abstractmethod
@@ -93,10 +95,15 @@ class Simulator(ABC, Generic[StateType]):
             yield state, collided
 
     def check_knows(self, environment: Environment) -> None:
-        """Refuse an environment in which something moves, unless the simulator knows moving solids.
+        """Refuse an environment with moving solids or a liquid that the simulator does not know.
 
         Raises:
-            InputError: it does not.
+            InputError: it does not know one of them.
         """
+        if environment.liquid is not None and not self.knows_liquids:
+            raise InputError(
+                f"{type(self).__name__} knows no liquid but water as the solver has it; use the simulator dfsph, or "
+                "omit 'liquid'"
+            )
         if environment.moving is not None and not self.knows_moving_solids:
             raise InputError(f"{type(self).__name__} does not know moving solids; use the simulator dfsph")

@@ -18,7 +18,7 @@ from surfsup.sph.energy import limit_energy_gain
 from surfsup.sph.environment import Environment
 from surfsup.sph.fast_frames import frame_parts
 from surfsup.sph.moving_step import step_among_moving
-from surfsup.sph.native_solver import NativeSolver, can_step_native
+from surfsup.sph.native_solver import NativeFrame, NativeSolver, can_step_native
 from surfsup.sph.simulator import Simulator
 from surfsup.sph.state import WHOLE_FRAME, FramePart, ParticleState
 
@@ -62,6 +62,7 @@ class DfsphSolver(Simulator[ParticleState]):
 
     knows_moving_solids: ClassVar[bool] = True
     knows_taps: ClassVar[bool] = True
+    knows_liquids: ClassVar[bool] = True
     measures_forces: ClassVar[bool] = True
     history_length: ClassVar[int] = 0  # positions and end-of-frame velocities are the whole state
 
@@ -98,10 +99,12 @@ class DfsphSolver(Simulator[ParticleState]):
             if (parts := frame_parts(state.velocities)) > 1:
                 return self._step_in_parts(self.native, state, environment, handle_collisions, parts)
             frame = self.native.step(state, environment, handle_collisions)
-            if frame.finished:
-                return ParticleState(frame.positions, frame.velocities), frame.collided
-            last = frame.last_query
-            return finish_step(state, frame.positions, frame.velocities, environment, last, handle_collisions)
+            return finished(state, frame, environment, handle_collisions)
+        if environment.liquid is not None:
+            raise InputError(
+                "liquids run in the C++ code only: on the CPU, in single precision, without gradients; use --device "
+                "cpu, see 'surfsup doctor' for what the C++ code needs, or omit 'liquid'"
+            )
         if environment.impulses is not None:
             raise InputError(
                 "forces on solids are computed by the C++ code only: on the CPU, in single precision, without "
@@ -118,12 +121,7 @@ class DfsphSolver(Simulator[ParticleState]):
         moved = torch.zeros(len(state.positions), dtype=torch.bool)
         for _ in range(parts):
             frame = solver.step(state, environment, handle_collisions, part)
-            if frame.finished:
-                state, collided = ParticleState(frame.positions, frame.velocities), frame.collided
-            else:
-                state, collided = finish_step(
-                    state, frame.positions, frame.velocities, environment, frame.last_query, handle_collisions, part
-                )
+            state, collided = finished(state, frame, environment, handle_collisions, part)
             moved |= collided
         return state, moved
 
@@ -148,6 +146,28 @@ class DfsphSolver(Simulator[ParticleState]):
         return Observation(state, positions, velocities, delta_position, delta_velocity, last_query, substep)
 
 
+def finished(
+    state: ParticleState,
+    frame: NativeFrame,
+    environment: Environment,
+    handle_collisions: bool,
+    part: FramePart = WHOLE_FRAME,
+) -> tuple[ParticleState, Tensor]:
+    """The state after a frame in C++, and which particles (N,) were moved, with :func:`finish_step` where needed."""
+    if frame.finished:
+        return ParticleState(frame.positions, frame.velocities), frame.collided
+    return finish_step(
+        state,
+        frame.positions,
+        frame.velocities,
+        environment,
+        frame.last_query,
+        handle_collisions,
+        part,
+        frame.outer_work,
+    )
+
+
 def finish_step(
     state: ParticleState,
     positions: Tensor,
@@ -156,6 +176,7 @@ def finish_step(
     last_query: LastQuery | None,
     handle_collisions: bool,
     part: FramePart = WHOLE_FRAME,
+    outer_work: float = 0.0,
 ) -> tuple[ParticleState, Tensor]:
     """The state after energy limit and, if requested, collision handling, and which particles (N,) were moved.
 
@@ -167,8 +188,9 @@ def finish_step(
         last_query: where the particles queried the solid within the step.
         handle_collisions: whether to move particles out of solid and walls.
         part: of a frame that the step takes.
+        outer_work: of surface tension and adhesion, mean J/kg.
     """
-    supplied = environment.supplied_energy
+    supplied = environment.supplied_energy + outer_work
     positions, velocities = limit_energy_gain(state, positions, velocities, environment, part, supplied)
     if not handle_collisions:
         return ParticleState(positions, velocities), torch.zeros(

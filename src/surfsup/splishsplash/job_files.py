@@ -14,6 +14,7 @@ from surfsup.scene import PARTICLE_RADIUS
 from surfsup.scene.strict_model import Vector
 from surfsup.sph.boundary.volume_map import VolumeMap
 from surfsup.sph.dfsph import VISCOSITY
+from surfsup.sph.liquid import LiquidForces
 from surfsup.sph.state import SUBSTEP_TIME
 from surfsup.splishsplash.child_process import DRAINS_FILE, ENTERING_FILE, VELOCITY_FILE
 from surfsup.splishsplash.entering_water import EnteringWater
@@ -25,7 +26,40 @@ BODY_FILE = "body.obj"  # the solver requires triangles for each body, but does 
 VOLUME_MAPS = 2
 DFSPH = 4
 FIXED_STEP = 0
-STANDARD_VISCOSITY = 1
+STANDARD_VISCOSITY, WEILER_VISCOSITY = 1, 6
+AKINCI_TENSION = 2
+
+VISCOSITY_ERROR = 1e-4  # of the conjugate gradients, relative to the velocities; by default 0.01
+
+
+def explicit_viscosity(viscosity: float) -> dict[str, object]:
+    """The keys of a material with the solver's standard viscosity in m²/s, and none at solids."""
+    coefficients = {"viscosity": viscosity, "viscosityBoundary": 0.0}
+    return {"viscosityMethod": STANDARD_VISCOSITY, "Standard viscosity": coefficients}
+
+
+def implicit_viscosity(viscosity: float, at_solids: float) -> dict[str, object]:
+    """The keys of a material whose viscosity in m²/s is that of Weiler et al. 2018."""
+    coefficients = {"viscosity": viscosity, "viscosityBoundary": at_solids, "viscoMaxError": VISCOSITY_ERROR}
+    return {"viscosityMethod": WEILER_VISCOSITY, "Weiler et al. 2018": coefficients}
+
+
+def material(liquid: LiquidForces | None) -> dict[str, object]:
+    """The material of a liquid in the units of the solver; None for water as the solver has it."""
+    values: dict[str, object] = {"id": "Fluid", "density0": 1000}
+    if liquid is None or liquid.viscosity is None:
+        values |= explicit_viscosity(VISCOSITY)
+    else:
+        values |= implicit_viscosity(liquid.viscosity, liquid.boundary_viscosity)
+    return values if liquid is None else values | surface_tension(liquid)
+
+
+def surface_tension(liquid: LiquidForces) -> dict[str, object]:
+    """The keys of a material whose surface tension and adhesion are those of Akinci et al. 2013; none without both."""
+    if not liquid.surface_tension and not liquid.adhesion:
+        return {}
+    coefficients = {"surfaceTension": liquid.surface_tension, "surfaceTensionBoundary": liquid.adhesion}
+    return {"surfaceTensionMethod": AKINCI_TENSION, "Akinci et al. 2013": coefficients}
 
 
 def solver_scene(
@@ -34,8 +68,9 @@ def solver_scene(
     velocities: list[tuple[float, float, float]],
     map_files: list[str],
     motions: Sequence[SolidMotion | None] = (),
+    liquid: LiquidForces | None = None,
 ) -> dict[str, object]:
-    """The scene file of SPlisHSPlasH: DFSPH, water, a fixed time step, boundary volume maps.
+    """The scene file of SPlisHSPlasH: DFSPH, a fixed time step, boundary volume maps.
 
     Args:
         gravity: m/s².
@@ -43,6 +78,7 @@ def solver_scene(
         velocities: initial velocity of each block in m/s.
         map_files: volume maps beside the scene file, one for each boundary.
         motions: of each boundary, None for one that stands still.
+        liquid: None for water as the solver has it.
     """
     bodies = [
         {
@@ -65,14 +101,7 @@ def solver_scene(
             "boundaryHandlingMethod": VOLUME_MAPS,
             "DFSPH": {"enableDivergenceSolver": True},
         },
-        "Materials": [
-            {
-                "id": "Fluid",
-                "density0": 1000,
-                "viscosityMethod": STANDARD_VISCOSITY,
-                "Standard viscosity": {"viscosity": VISCOSITY, "viscosityBoundary": 0.0},
-            }
-        ],
+        "Materials": [material(liquid)],
         "FluidModels": [
             {
                 "id": "Fluid",
@@ -95,6 +124,7 @@ def write_job(
     boundaries: Sequence[VolumeMap],
     motions: Sequence[SolidMotion | None] = (),
     entering: EnteringWater | None = None,
+    liquid: LiquidForces | None = None,
 ) -> Path:
     """Write the scene, the particles and the boundaries into ``folder``, which no other job uses.
 
@@ -106,6 +136,7 @@ def write_job(
         boundaries: volume maps, those of solids that move in their own frames.
         motions: of each boundary, None for one that stands still.
         entering: the water that enters and leaves.
+        liquid: None for water as the solver has it.
 
     Returns:
         The scene file's path.
@@ -135,7 +166,7 @@ def write_job(
         velocities = [(0.0, 0.0, 0.0)] * len(blocks)
     common = [(float(x), float(y), float(z)) for x, y, z in velocities]
     path = folder / "scene.json"
-    path.write_text(json.dumps(solver_scene(gravity, fluid_files, common, map_files, motions), indent=1))
+    path.write_text(json.dumps(solver_scene(gravity, fluid_files, common, map_files, motions, liquid), indent=1))
     return path
 
 

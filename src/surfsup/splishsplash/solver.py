@@ -23,6 +23,7 @@ from surfsup.sdf import Surface
 from surfsup.sph.boundary.scene_boundaries import exact_outside, scene_volume_maps, whole_map
 from surfsup.sph.boundary.volume_map import VolumeMap
 from surfsup.sph.interpolation import frames_needed, resample
+from surfsup.sph.liquid import LiquidForces
 from surfsup.sph.state import SUBSTEPS
 from surfsup.splishsplash.entering_water import EnteringWater
 from surfsup.splishsplash.job_files import write_job
@@ -85,7 +86,14 @@ def simulate_frames(
     maps, motions = boundaries_of(scene, solids, count)
     with tempfile.TemporaryDirectory(prefix="surfsup-") as folder, tempfile.TemporaryFile() as log:
         scene_file = write_job(
-            Path(folder), scene.gravity, start.block_positions, start.block_velocities, maps, motions, entering
+            Path(folder),
+            scene.gravity,
+            start.block_positions,
+            start.block_velocities,
+            maps,
+            motions,
+            entering,
+            LiquidForces.of(scene.liquid),
         )
         frames = run_child(scene_file, count, len(start.positions), threads, log, entering)
         with contextlib.closing(frames):

@@ -123,8 +123,8 @@ surfsup::StepResult step(surfsup::Solver& solver, Vectors positions, Vectors vel
                          Vector upper, const surfsup::BoundaryMap* boundary_map, Matrix3 rotation, const nb::object& solid,
                          bool handle_collisions, NewVectors query_positions, NewValues query_distance, NewVectors new_positions,
                          NewVectors new_velocities, NewFlags collided, const std::optional<Record>& record,
-                         const std::optional<Moving>& moving, const std::optional<Impulses>& impulses, const std::string& isa,
-                         int threads, int64_t max_pairs) {
+                         const std::optional<Moving>& moving, const std::optional<Impulses>& impulses,
+                         const surfsup::LiquidParameters* liquid, const std::string& isa, int threads, int64_t max_pairs) {
     const size_t count = positions.shape(0);
     expect(velocities.shape(0), count, "velocities");
     expect(query_positions.shape(0), count, "query_positions");
@@ -134,7 +134,7 @@ surfsup::StepResult step(surfsup::Solver& solver, Vectors positions, Vectors vel
     expect(collided.shape(0), count, "collided");
     const surfsup::Isa& chosen = surfsup::isa_of(isa);
     const surfsup::SolidQuery query = solid_query(solid, chosen, threads);
-    if (moving && record) throw std::invalid_argument("a frame with moving solids has no record");
+    if ((moving || liquid) && record) throw std::invalid_argument("a frame with moving solids or a liquid has no record");
     const surfsup::MovingSolids moving_solids = moving_of(moving, count, chosen, threads);
     const auto sums = impulses_of(impulses, count, static_cast<bool>(query), moving_solids.solids.size());
     const surfsup::Fluid fluid = {checked_count(count),
@@ -148,7 +148,8 @@ surfsup::StepResult step(surfsup::Solver& solver, Vectors positions, Vectors vel
                                   upper.data(),
                                   boundary_map ? boundary_map->view(rotation.data()) : surfsup::BoundaryMapView{},
                                   moving ? &moving_solids : nullptr,
-                                  sums ? &*sums : nullptr};
+                                  sums ? &*sums : nullptr,
+                                  liquid};
     const surfsup::SubstepRecord written = record_of(record, count);
     const nb::gil_scoped_release unlocked;
     return surfsup::step(solver, fluid, query, handle_collisions, {query_positions.data(), query_distance.data()},
@@ -287,15 +288,26 @@ void add_solver(nb::module_& module) {
         .def_rw("max_energy_gain", &SolverParameters::max_energy_gain)
         .def_rw("boundary", &SolverParameters::boundary)
         .def_rw("collision", &SolverParameters::collision);
+    using surfsup::LiquidParameters;
+    nb::class_<LiquidParameters>(module, "LiquidParameters")
+        .def(nb::init<>())
+        .def_rw("implicit_viscosity", &LiquidParameters::implicit_viscosity)
+        .def_rw("viscosity", &LiquidParameters::viscosity)
+        .def_rw("friction", &LiquidParameters::friction)
+        .def_rw("cohesion", &LiquidParameters::cohesion)
+        .def_rw("curvature", &LiquidParameters::curvature)
+        .def_rw("adhesion", &LiquidParameters::adhesion)
+        .def_rw("tolerance", &LiquidParameters::tolerance)
+        .def_rw("max_iterations", &LiquidParameters::max_iterations);
     nb::class_<StepResult>(module, "StepResult")
         .def_ro("pairs", &StepResult::pairs)
-        .def_ro("solid_work", &StepResult::solid_work)
+        .def_ro("outer_work", &StepResult::outer_work)
         .def_ro("finished", &StepResult::finished);
     nb::class_<surfsup::Solver>(module, "Solver")
         .def(nb::init<SolverParameters>(), "parameters"_a)
         .def("step", step, nb::kw_only(), array("positions"), array("velocities"), array("gravity"), array("lower"),
              array("upper"), "boundary_map"_a.none(), array("rotation"), "solid"_a.none(), "handle_collisions"_a,
              array("query_positions"), array("query_distance"), array("new_positions"), array("new_velocities"),
-             array("collided"), array("record").none(), array("moving").none(), array("impulses").none(), "isa"_a, "threads"_a,
-             "max_pairs"_a);
+             array("collided"), array("record").none(), array("moving").none(), array("impulses").none(), "liquid"_a.none(),
+             "isa"_a, "threads"_a, "max_pairs"_a);
 }

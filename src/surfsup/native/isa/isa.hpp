@@ -33,6 +33,14 @@ struct Isa {
     // A substep of DFSPH: densities and pressures of particles begin to end, then the velocities and positions they cause.
     void (*compute_pressures)(const Frame&, int substep, int32_t begin, int32_t end);
     void (*apply_pressures)(const Frame&, int substep, int32_t begin, int32_t end);
+    // Before these, for liquids: densities, friction and adhesion; surface tension; the matrix of viscosity and its product
+    // with the vectors in the rows, whose scalar product with them is returned.
+    void (*measure_liquid)(const Frame&, int substep, int32_t begin, int32_t end);
+    void (*find_surface_normals)(const Frame&, int32_t begin, int32_t end);
+    void (*apply_tension)(const Frame&, int32_t begin, int32_t end);
+    void (*prepare_viscosity)(const Frame&, int32_t begin, int32_t end);
+    double (*multiply_viscosity)(const Frame&, int32_t begin, int32_t end);
+    void (*sum_liquid_impulses)(const Frame&, const ImpulseSums&, int32_t begin, int32_t end, double* rows);
     // Adds the impulses of these pressures on solids and walls to rows like those of the sums.
     void (*sum_impulses)(const Frame&, const ImpulseSums&, int32_t begin, int32_t end, double* rows);
 

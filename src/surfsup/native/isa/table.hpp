@@ -6,6 +6,7 @@
 #include "sdf/neural_field_isa.hpp"
 #include "sph/dfsph_isa.hpp"
 #include "sph/impulses_isa.hpp"
+#include "sph/liquid_isa.hpp"
 #include "sph/neighbor_search_isa.hpp"
 
 namespace surfsup {
@@ -17,6 +18,12 @@ const Isa NAME = {ISA_NAME,
                   sizeof(ISA::Search),
                   ISA::compute_pressures,
                   ISA::apply_pressures,
+                  ISA::measure_liquid,
+                  ISA::find_surface_normals,
+                  ISA::apply_tension,
+                  ISA::prepare_viscosity,
+                  ISA::multiply_viscosity,
+                  ISA::sum_liquid_impulses,
                   ISA::sum_impulses,
                   ISA::convolve,
                   ISA::convolve_values_gradient,

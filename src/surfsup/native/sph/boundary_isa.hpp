@@ -37,16 +37,20 @@ inline float plane_fraction(const BoundaryParameters& b, float distance) {
     return table[low] * (1.0f - part) + table[low + 1] * part;
 }
 
-// Adds the density of the container's walls at a position and writes its gradient, 1/m.
-inline void add_walls(const Frame& frame, const float* position, float& density, float* gradient) {
+// Distance and volume fraction of the container's walls at a position, and the direction towards them, whose squared length is
+// `square`. False far from all walls; `towards` is written in any case.
+inline bool walls_near(const Frame& frame, const float* position, float& wall_distance, float& fraction, float* towards,
+                       float& square) {
     const SolverParameters& p = *frame.parameters;
-    float distance[3], product = 1.0f, open = 0.0f, weighted_side = 0.0f, square = 0.0f, free_fraction = 1.0f, slope;
+    float distance[3], product = 1.0f, open = 0.0f, weighted_side = 0.0f, free_fraction = 1.0f;
+    square = 0.0f;
     for (int axis = 0; axis < 3; ++axis) {
         const float below = position[axis] - frame.lower[axis], above = frame.upper[axis] - position[axis];
         distance[axis] = below < above ? below : above;
-        gradient[axis] = 0.0f;
+        towards[axis] = 0.0f;
     }
-    if (distance[0] >= frame.wall_cell[0] && distance[1] >= frame.wall_cell[1] && distance[2] >= frame.wall_cell[2]) return;
+    if (distance[0] >= frame.wall_cell[0] && distance[1] >= frame.wall_cell[1] && distance[2] >= frame.wall_cell[2])
+        return false;
     for (int axis = 0; axis < 3; ++axis) {
         const float cell = frame.wall_cell[axis];
         const float part =
@@ -57,24 +61,41 @@ inline void add_walls(const Frame& frame, const float* position, float& density,
         open += 1.0f - part;
         weighted_side += (1.0f - part) * cell;
         square += steep * steep;
-        gradient[axis] = position[axis] - frame.lower[axis] < frame.upper[axis] - position[axis] ? -steep : steep;
+        towards[axis] = position[axis] - frame.lower[axis] < frame.upper[axis] - position[axis] ? -steep : steep;
     }
-    if (open == 0.0f) return;
+    if (open == 0.0f) return false;
     for (const float d : distance) free_fraction *= 1.0f - plane_fraction(p.boundary, d);
-    add_solid(p, product * weighted_side / open, 1.0f - free_fraction, density, slope);
+    wall_distance = product * weighted_side / open;
+    fraction = 1.0f - free_fraction;
+    return true;
+}
+
+// Adds the density of the container's walls at a position and writes its gradient, 1/m.
+inline void add_walls(const Frame& frame, const float* position, float& density, float* gradient) {
+    float distance, fraction, square, slope;
+    if (!walls_near(frame, position, distance, fraction, gradient, square)) return;
+    add_solid(*frame.parameters, distance, fraction, density, slope);
     const float scale = slope / __builtin_sqrtf(square);
     for (int axis = 0; axis < 3; ++axis) gradient[axis] *= scale;
+}
+
+// Distance, volume fraction and normal of a solid that moves. False out of its reach; a NaN is in reach.
+inline bool moving_solid_near(const MovingBoundary& solid, const float* position, float& distance, float& fraction,
+                              float* normal) {
+    float own[3], local[3];
+    solid.step.place.to_own(position, own);
+    for (int axis = 0; axis < 3; ++axis)
+        if (own[axis] < solid.lower[axis] || own[axis] > solid.upper[axis]) return false;
+    for (int axis = 0; axis < 3; ++axis) local[axis] = position[axis] - solid.step.place.translation[axis];
+    interpolate(solid.boundary_map, local, distance, fraction, normal);
+    return true;
 }
 
 // Adds the density of a solid that moves, its gradient, and the density rate that its motion takes away, 1/s.
 inline void add_moving_solid(const SolverParameters& p, const MovingBoundary& solid, const float* position, float& density,
                              float* gradient, float& solid_rate) {
-    float own[3], normal[3], velocity[3], local[3], distance, fraction, slope;
-    solid.step.place.to_own(position, own);
-    for (int axis = 0; axis < 3; ++axis)
-        if (own[axis] < solid.lower[axis] || own[axis] > solid.upper[axis]) return;  // a NaN passes
-    for (int axis = 0; axis < 3; ++axis) local[axis] = position[axis] - solid.step.place.translation[axis];
-    interpolate(solid.boundary_map, local, distance, fraction, normal);
+    float normal[3], velocity[3], distance, fraction, slope;
+    if (!moving_solid_near(solid, position, distance, fraction, normal)) return;
     add_solid(p, distance, fraction, density, slope);
     if (slope == 0.0f) return;
     solid.step.velocity(position, velocity);
@@ -99,14 +120,13 @@ inline void add_walls_of_frame(const Frame& frame, const float* position, float&
     for (int axis = 0; axis < 3; ++axis) solid_rate += gradient[axis] * velocity[axis];
 }
 
-// Adds the density of the solid that stands still and its gradient, 1/m. Skips the solid if `min_solid_distance`, a lower bound
-// of the distance, exceeds the kernel support. Updates that bound near the solid.
-inline void add_still_solid(const Frame& frame, int64_t caller, const float* position, float& min_solid_distance,
-                            float& density, float* gradient) {
+// Distance, volume fraction and normal of the solid that stands still. False if `min_solid_distance`, a lower bound of the
+// distance, exceeds the kernel support. Updates that bound near the solid.
+inline bool still_solid_near(const Frame& frame, int64_t caller, const float* position, float& min_solid_distance,
+                             float& distance, float& fraction, float* normal) {
     const SolverParameters& p = *frame.parameters;
-    float slope, distance, fraction, normal[3];
     const bool solid = frame.boundary_map.cell_indices || frame.solid_normal;
-    if (!solid || min_solid_distance > p.kernel_support) return;  // a NaN distance passes
+    if (!solid || min_solid_distance > p.kernel_support) return false;  // a NaN distance passes
     if (frame.boundary_map.cell_indices) {
         interpolate(frame.boundary_map, position, distance, fraction, normal);
     } else {
@@ -120,7 +140,15 @@ inline void add_still_solid(const Frame& frame, int64_t caller, const float* pos
         fraction = plane_fraction(p.boundary, distance);
     }
     if (distance < p.kernel_support) min_solid_distance = distance - MAP_ERROR;  // outside the map the distance is unknown
-    add_solid(p, distance, fraction, density, slope);
+    return true;
+}
+
+// Adds the density of the solid that stands still and its gradient, 1/m; `min_solid_distance` as in still_solid_near.
+inline void add_still_solid(const Frame& frame, int64_t caller, const float* position, float& min_solid_distance,
+                            float& density, float* gradient) {
+    float slope, distance, fraction, normal[3];
+    if (!still_solid_near(frame, caller, position, min_solid_distance, distance, fraction, normal)) return;
+    add_solid(*frame.parameters, distance, fraction, density, slope);
     for (int axis = 0; axis < 3; ++axis) gradient[axis] -= slope * normal[axis];
 }
 

@@ -99,7 +99,7 @@ inline void compute_pressures_of(const Frame& frame, int substep, int32_t begin,
     for (int32_t i = begin; i < end; ++i) {
         ParticleWork& work = frame.work[i];
         const int64_t caller = frame.order[i];
-        if (substep == 0) work = initial_work(frame, caller);
+        if (substep == 0 && !frame.liquid) work = initial_work(frame, caller);
         const float *position = frame.motion + MOTION_ROW * static_cast<int64_t>(i), *velocity = position + 4;
         const NeighborSums sums = sum_neighbors<RECORD>(frame, i);
         float boundary_gradient[3], solid_rate = 0.0f;

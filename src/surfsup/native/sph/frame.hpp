@@ -4,6 +4,7 @@
 #include <cstdint>
 
 #include "sph/boundary_map.hpp"
+#include "sph/liquid.hpp"
 #include "sph/parameters.hpp"
 #include "sph/rigid_motion.hpp"
 
@@ -84,6 +85,7 @@ struct Frame {
     BoundaryMapView boundary_map;
     float *new_positions, *new_velocities;
     const MovingFrame* moving;  // nullptr where nothing moves
+    const LiquidFrame* liquid;  // nullptr for the solver's own water
     SubstepRecord record;       // of the last substep; null pointers for none
 
     // In sorted order. `motion` and `pressure` have one more row, for the padding particle.

@@ -21,6 +21,8 @@ Solver::Solver(SolverParameters parameters) : parameters_(std::move(parameters))
     if (!(parameters_.kernel_support > 0)) throw std::invalid_argument("the kernel support must be above zero");
     if (parameters_.boundary.plane_fraction.size() < 2)
         throw std::invalid_argument("the table of volume fractions needs at least two entries");
+    without_viscosity_ = parameters_;
+    without_viscosity_.viscosity = 0.0f;
 }
 
 // Sorts the particles by cell. False where a position is not finite.
@@ -155,8 +157,17 @@ int64_t Solver::advance(const Fluid& fluid, float* positions, float* velocities,
         solid_rate_.resize(static_cast<size_t>(fluid.count));
         frame.moving = &moving;
     }
+    liquid_.forget_work();
+    if (fluid.liquid) {
+        if (fluid.liquid->implicit_viscosity) frame.parameters = &without_viscosity_;
+        liquid_.begin(*fluid.liquid, frame, isa, workers);
+    }
     for (int substep = 0; substep < parameters_.substeps; ++substep) {
         if (fluid.moving) place_moving(*fluid.moving, substep, moving);
+        if (fluid.liquid) {
+            liquid_.advance(frame, substep);
+            if (fluid.impulses) liquid_.add_impulses(frame, *fluid.impulses);
+        }
         in_parallel(workers, fluid.count, portion,
                     [&](int, int32_t begin, int32_t end) { isa.compute_pressures(frame, substep, begin, end); });
         if (fluid.impulses) add_impulses(frame, isa, workers, *fluid.impulses);

@@ -10,6 +10,7 @@
 #include "runtime/arena.hpp"
 #include "sph/cell_list.hpp"
 #include "sph/impulses.hpp"
+#include "sph/liquid_solver.hpp"
 #include "sph/moving_solids.hpp"
 #include "sph/parameters.hpp"
 
@@ -21,8 +22,9 @@ struct Fluid {
     const float *positions, *velocities, *predicted_positions, *solid_distance, *solid_normal;
     const float *gravity, *lower, *upper;
     BoundaryMapView boundary_map;
-    const MovingSolids* moving;   // nullptr where nothing moves
-    const ImpulseSums* impulses;  // nullptr where they are not requested
+    const MovingSolids* moving;      // nullptr where nothing moves
+    const ImpulseSums* impulses;     // nullptr where they are not requested
+    const LiquidParameters* liquid;  // nullptr for the solver's own water
 };
 
 class Solver {
@@ -32,14 +34,14 @@ public:
 
     // Advances by one frame without energy limit and collision handling. Writes positions and velocities (count, 3) and, where
     // its pointers are set, the record of the last substep. Returns the number of neighbor pairs; beyond `max_pairs` it stops
-    // early. Returns -1 if a position is not finite. Throws std::bad_alloc. With moving solids there is no record.
+    // early. Returns -1 if a position is not finite. Throws std::bad_alloc. With moving solids and liquids there is no record.
     int64_t advance(const Fluid& fluid, float* positions, float* velocities, const SubstepRecord& record, const Isa& isa,
                     int threads, int64_t max_pairs);
 
     const SolverParameters& parameters() const { return parameters_; }
 
-    // Work of moving solids and walls on the particles in the last frame, mean J/kg.
-    double solid_work() const { return solid_work_; }
+    // Work of moving solids and walls, of surface tension and adhesion on the particles in the last frame, mean J/kg.
+    double outer_work() const { return solid_work_ + liquid_.work(); }
 
 private:
     bool prepare(const Fluid& fluid, Frame& frame);
@@ -48,7 +50,7 @@ private:
     void add_solid_work(int32_t count);
     void add_impulses(const Frame& frame, const Isa& isa, int threads, const ImpulseSums& sums);
 
-    SolverParameters parameters_;
+    SolverParameters parameters_, without_viscosity_;
     // Reused from frame to frame; a second caller waits.
     std::mutex stepping_;
     CellList cells_;
@@ -57,6 +59,7 @@ private:
     std::vector<MovingBoundary> moving_boundaries_;
     RigidStep moving_walls_{};
     double solid_work_ = 0;
+    LiquidSolver liquid_;
     std::vector<double> portion_impulses_;
     std::vector<Neighbors> neighbors_;
     std::vector<ParticleWork> work_;

@@ -40,7 +40,7 @@ StepResult step(Solver& solver, Fluid fluid, const SolidQuery& solid, bool handl
     std::fill_n(state.collided, count, false);
     const int64_t pairs = solver.advance(fluid, state.positions, state.velocities, record, isa, threads, max_pairs);
     if (pairs < 0 || pairs > max_pairs) return {pairs, 0, false};
-    const double work = fluid.moving ? solver.solid_work() : 0;
+    const double work = solver.outer_work();
     const double gain =
         energy_gain(fluid.positions, fluid.velocities, state.positions, state.velocities, fluid.count, fluid.gravity);
     if (gain - work > parameters.max_energy_gain) return {pairs, work, false};

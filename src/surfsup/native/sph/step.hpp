@@ -16,7 +16,7 @@ struct NewState {
 
 struct StepResult {
     int64_t pairs;      // of neighbors, see Solver::advance
-    double solid_work;  // of moving solids and walls on the particles, mean J/kg
+    double outer_work;  // of moving solids and walls, surface tension and adhesion on the particles, mean J/kg
     bool finished;      // false where the energy limit was exceeded: limiting and collision handling are left to the caller
 };
 
