@@ -3,13 +3,14 @@
 PYTHON ?=
 export PYTHON
 
-.PHONY: help demo test docs bench wheel corrected surfaces design setup clean
+.PHONY: help demo test docs bench wheel release corrected surfaces design setup clean
 help:
 	@echo "make demo     water on a knot: a page and a video in out/demo"
 	@echo "make test     style, types, import rules, all tests, and the documentation"
 	@echo "make docs     the documentation as a site in out/site"
 	@echo "make bench    speed beside the reference solver, growth with the number of particles, a pool at rest; half an hour, alone"
 	@echo "make wheel    a wheel with the C++ code for the present Python, in dist"
+	@echo "make release  wheels, source archive, notes and checksums, in dist"
 	@echo "make corrected  data and training of the corrected simulator; hours, resumable"
 	@echo "make surfaces fit the shipped neural surfaces: coral, chairs, bowls; half an hour, resumable"
 	@echo "make design   bowl, funnel, chair and three balls, in out/design; half an hour, resumable"
@@ -44,6 +45,9 @@ bench: setup
 # For Linux systems without a compiler; pyproject.toml has the configuration of cibuildwheel for all systems.
 wheel:
 	scripts/build-wheel $(or $(PYTHON),python3)
+
+release:
+	scripts/release $(PYTHON)
 
 # The corrected simulator, which does not ship.
 corrected: setup

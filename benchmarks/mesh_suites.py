@@ -53,7 +53,7 @@ def by_us(path: Path) -> Row:
     """The triangles as they are read, and what becomes of them as a solid."""
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
-        raw, kind = read_mesh(path)
+        raw, kind = read_mesh(path.read_bytes(), path)
         row = {"format": kind, **size_of(raw.vertices, raw.faces)}
         try:
             solid = clean(raw.vertices, raw.faces, path)

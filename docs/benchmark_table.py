@@ -28,6 +28,13 @@ ROWS = (
     "physics_archimedes",
     "physics_floor",
     "physics_draught",
+    "physics_vessels",
+    "physics_outflow",
+    "physics_bucket",
+    "physics_duct",
+    "physics_drop",
+    "honey_speed",
+    "thin_cup",
     "dam_break",
     "stability",
 )

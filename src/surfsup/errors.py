@@ -1,6 +1,16 @@
 """Errors whose message is a single line for the user."""
 
 
+def printable(text: str) -> str:
+    """A text for a terminal in one line: control characters and marks of direction, as in names of files, are escaped.
+
+    Examples:
+        >>> printable("a\\x1b[31m name")
+        'a\\\\x1b[31m name'
+    """
+    return "".join(one if one.isprintable() else one.encode("unicode_escape").decode() for one in text)
+
+
 class InputError(ValueError):
     """The user's input is unusable.
 

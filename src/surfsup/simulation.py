@@ -15,14 +15,17 @@ from surfsup.errors import InputError
 from surfsup.io.trajectory import Provenance, TrajectoryWriter
 from surfsup.learned.loading import DEFAULT_SIMULATOR, load_simulator
 from surfsup.scene import FRAME_TIME, InitialParticles, Scene
+from surfsup.scene.liquid import Liquid
 from surfsup.scene.pose import NO_ROTATION, Pose, between
 from surfsup.scene.solids import Solids
 from surfsup.scene.tap_checks import check_taps_and_drains
 from surfsup.scene.wrench import Wrench
 from surfsup.sph.collision import resolve_collisions
+from surfsup.sph.crossings import CrossingCounter
 from surfsup.sph.device import choose_device
 from surfsup.sph.environment import Environment
 from surfsup.sph.interpolation import ROUNDING, hermite
+from surfsup.sph.liquid import LiquidForces
 from surfsup.sph.mean_forces import MeanForces
 from surfsup.sph.moving import FrameMotion, MovingSolids
 from surfsup.sph.open_water import OpenState, Passages, WithTaps, common_particles
@@ -76,6 +79,7 @@ class SimulationState:
         poses: of all that moves, by name, in the units of the scene.
         forces: on the solids in the last step, mean, by name, in the units of the scene.
         bodies: velocities and accelerations of the rigid bodies by name, in the units of the scene.
+        crossings: number of times so far that the straight way of a particle in a step led through a solid.
 
     Examples:
         >>> import surfsup as sf
@@ -92,6 +96,7 @@ class SimulationState:
     poses: Mapping[str, Pose] = field(default_factory=dict)
     forces: Mapping[str, Wrench] = field(default_factory=dict)
     bodies: Mapping[str, BodyState] = field(default_factory=dict)
+    crossings: int = 0
 
 
 class Simulation:
@@ -145,6 +150,7 @@ class Simulation:
             raise InputError(f"{self.name} computes no forces on solids; use the simulator dfsph, or omit 'forces'")
         self._start_time = scene.start_time
         self._gravity: torch.Tensor | None = None  # of set_gravity
+        self._liquid = scene.liquid
         self.motion = SceneMotion(scene)
         if scene.is_open:
             check_taps_and_drains(scene, self.motion.solids)
@@ -161,6 +167,7 @@ class Simulation:
         )
         fluid = self._simulator.initial_state(positions, velocities, self._environment)
         self._bodies = RigidBodies(scene, self.motion.solids)
+        self._crossings = CrossingCounter(handle_collisions)
         poses = self.motion.solids.poses(self._start_time)
         self._start = SimulationState(0, fluid, poses, bodies=self._bodies.start())
         self._state = self._start
@@ -243,7 +250,8 @@ class Simulation:
         impulses = environment.impulses
         forces = {} if impulses is None else impulses.wrenches(self._units, self.scene.density, part)
         number = state.frame + 1 if part == 1 else state.frame
-        return SimulationState(number, fluid, poses, forces, self._bodies.pushed(bodies, forces))
+        crossings = state.crossings + self._crossings.count(state.fluid, fluid, environment)
+        return SimulationState(number, fluid, poses, forces, self._bodies.pushed(bodies, forces), crossings)
 
     def set_pose(
         self, name: str, position: Sequence[float] | np.ndarray, rotation: Sequence[float] | np.ndarray = NO_ROTATION
@@ -290,10 +298,26 @@ class Simulation:
         self._gravity = torch.from_numpy(vector).to(self._device)
         self._environment = replace(self._environment, gravity=self._gravity)
 
+    def set_viscosity(self, viscosity: float | None) -> None:
+        """Let the liquid have another kinematic viscosity from the next step on; :meth:`reset` keeps it.
+
+        Args:
+            viscosity: m²/s; None for what the solver needs for calm water.
+
+        Raises:
+            InputError: it is negative or not finite, or the simulator knows no liquids.
+        """
+        liquid = Liquid(**{**dict(self._liquid or Liquid()), "viscosity": viscosity})
+        forces = LiquidForces.of(self._units.liquid_to_solver(liquid))
+        environment = replace(self._environment, liquid=forces)
+        self._simulator.check_knows(environment)
+        self._liquid, self._environment = liquid, environment
+
     def _make_environment(self, scene_solids: Solids) -> Environment:
         solids = self._units.solids_to_solver(scene_solids, self._start_time)
         solver_scene = self._units.scene_to_solver(self.scene)
         environment = Environment.of(solver_scene, solids.still, self._device, solids)
+        environment = replace(environment, liquid=LiquidForces.of(self._units.liquid_to_solver(self._liquid)))
         if self._gravity is not None:
             environment = replace(environment, gravity=self._gravity)
         self._simulator.check_knows(environment)

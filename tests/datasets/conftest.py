@@ -34,6 +34,22 @@ class Heavy(Tiny):
     gravity = -1e4
 
 
+class TinyFine(Tiny):
+    """The same with particles, lengths and thus frames of another size, by Froude similarity."""
+
+    name = "tiny-fine"
+
+    def scene(self, index: int, random: np.random.Generator) -> Scene:
+        scene, s = super().scene(index, random), 0.25
+        (block,) = scene.fluid
+        corners = {name: [s * x for x in getattr(block.block, name)] for name in ("min", "max")}
+        return Scene.from_yaml(
+            f"container: {{size: [{0.4 * s}, {0.4 * s}, {0.4 * s}]}}\nframes: 6\nparticle_radius: {0.015 * s}\n"
+            f"fluid: [{{block: {{min: {corners['min']}, max: {corners['max']}}}}}]",
+            "tiny-fine",
+        )
+
+
 class Mixed(Recipe):
     """Half of the scenes, at random, fall through the floor; a file lists the discarded ones."""
 
@@ -51,7 +67,7 @@ class Mixed(Recipe):
 @pytest.fixture
 def tiny_recipes(monkeypatch):
     """Recipes that are known in this process and therefore to the threads of its cluster."""
-    for recipe in (Tiny, Heavy, Mixed):
+    for recipe in (Tiny, TinyFine, Heavy, Mixed):
         monkeypatch.setitem(scene_sampler.RECIPES, recipe.name, recipe)
 
 

@@ -183,6 +183,14 @@ def test_a_reference_in_other_units_is_rejected_and_not_skipped(folder):
         load_references(find_data_sets([folder]))
 
 
+def test_references_of_two_particle_sizes_are_evaluated_one_after_the_other(folder):
+    scene = SCENE.with_changes(particle_radius=0.03)
+    frames = free_fall(scene=scene)
+    write(folder / "00009.h5", *frames, scene)
+    with pytest.raises(UnitMismatchError, match=r"00009\.h5: has particles of radius 0\.03 m, but .* of 0\.015 m"):
+        load_references(find_data_sets([folder]))
+
+
 def test_a_repeat_in_other_units_is_skipped(folder):
     of_other_particles(folder / "floor/00000-1.h5")
     references, skipped = load_references(find_data_sets([folder]))

@@ -70,5 +70,7 @@ def test_scenes_with_other_taps_and_drains_differ(old, new, difference):
 
 
 def test_training_refuses_taps_and_drains_in_one_line(path):
-    with pytest.raises(InputError, match="has taps or drains, which no learned simulator knows; leave it out"):
+    with pytest.raises(
+        InputError, match="has water that enters or leaves, which no learned simulator knows; leave it out"
+    ):
         Windows(path.parent)

@@ -4,6 +4,7 @@ import pytest
 from surfsup.evaluation.evaluate import evaluate_trajectory
 from surfsup.evaluation.rollout import write_rollout
 from surfsup.evaluation.scores import ALL
+from surfsup.evaluation.validation_scores import score_rollout
 from surfsup.io.trajectory import Trajectory
 from surfsup.native.dispatch import is_built
 from surfsup.scene import Scene
@@ -72,3 +73,29 @@ def test_a_reference_that_continues_another_has_its_solids_where_they_were(tmp_p
             assert rollout.start_time == pytest.approx(0.1)
             np.testing.assert_allclose(rollout.poses["bar"], reference.poses["bar"], atol=1e-12)
             np.testing.assert_allclose(rollout.positions[:], reference.positions[:], atol=1e-4)
+        assert score_rollout(DfsphSolver(), reference, 6).chamfer < 1e-4
+
+
+@pytest.mark.skipif(not is_built(), reason="too slow without the C++ code")
+def test_a_rollout_of_fine_particles_is_that_of_a_larger_scene_scaled_down(tmp_path):
+    def scene(s):
+        return Scene.from_yaml(
+            f"particle_radius: {0.015 * s}\ncontainer: {{size: [{s}, {s}, {s}]}}\n"
+            f"surfaces: {{bar: {{box: {{size: [{0.4 * s}, {0.1 * s}, {0.1 * s}]}}, at: [0, 0, {0.2 * s}],"
+            f" motion: {{spin: {{rate: {3 / s**0.5}}}}}}}}}\n"
+            f"fluid: [{{block: {{min: [{-0.1 * s}, {-0.1 * s}, {0.3 * s}],"
+            f" max: [{0.1 * s}, {0.1 * s}, {0.5 * s}]}}}}]\nframes: 41",
+            "test",
+        )
+
+    results = []
+    for s in (1.0, 0.25):
+        Simulation(scene(s)).record(tmp_path / f"{s}.h5")
+        with Trajectory(tmp_path / f"{s}.h5") as reference:
+            write_rollout(tmp_path / "out.h5", DfsphSolver(), "dfsph", reference, 41)
+            with Trajectory(tmp_path / "out.h5") as rollout:
+                np.testing.assert_array_equal(rollout.positions[:], reference.positions[:])
+                assert rollout.frame_time == reference.frame_time
+                results.append((rollout.positions[:] / s, rollout.poses["bar"][:, 3:]))
+    np.testing.assert_allclose(results[0][0], results[1][0], atol=1e-6)
+    np.testing.assert_allclose(results[0][1], results[1][1], atol=1e-9)

@@ -69,6 +69,20 @@ def test_tilted_gravity_takes_the_water_aside_until_the_reset(world):
     assert frame.velocities[:, 2].mean() < -0.3 and abs(frame.velocities[:, 0].mean()) < 0.1
 
 
+def test_a_viscous_liquid_slows_down_until_the_reset(world):
+    def energy() -> float:
+        for _ in range(80):
+            frame = world.step()
+        return float((frame.velocities**2).sum(1).mean())
+
+    thin = energy()
+    world.reset()
+    world.set_viscosity(1.0)
+    assert energy() < 0.5 * thin
+    world.reset()
+    assert energy() == pytest.approx(thin)
+
+
 def test_the_solid_follows_and_returns_at_a_reset(world):
     world.move(SOLID, Pose.of((0.1, 0, 0.1)))
     for _ in range(50):
@@ -86,18 +100,55 @@ def test_particles_of_another_size_start_anew(world):
     assert world.step().velocities[:, 2].mean() == pytest.approx(-5 * world.frame_time, rel=0.05)
 
 
-def test_a_recording_is_a_trajectory_that_ends_where_the_number_of_particles_changes(world):
+def test_a_recording_is_a_trajectory_that_ends_with_a_reset(world):
     path = world.start_recording()
     for _ in range(5):
         frame = world.step()
     assert world.recording == path
-    world.pour((0, 0, 0.8), (0.2, 0.2, 0.2))
+    world.reset()
     assert world.recording is None
     with sf.Trajectory(path) as trajectory:
-        assert len(trajectory) == 6
+        assert len(trajectory) == 6 and trajectory.lifetimes is None
         np.testing.assert_array_equal(trajectory.positions[-1], frame.positions)
         assert list(trajectory.poses) == [SOLID]
     assert world.start_recording().name == "recording-002.h5", "no recording is replaced"
+
+
+def test_water_that_is_poured_is_recorded_too(world):
+    before, path = count(world), world.start_recording()
+    frames = [world.step() for _ in range(3)]
+    added = [world.pour((0, 0, z), (0.2, 0.2, 0.1)) for z in (0.8, 0.95)]
+    world.move(SOLID, Pose.of((0.1, 0, 0.1)))
+    frames += [world.step() for _ in range(5)]
+    assert world.recording == path and world.stop_recording() == path
+    assert [file.name for file in path.parent.iterdir()] == [path.name], "the files became one"
+    with sf.Trajectory(path) as trajectory:
+        assert len(trajectory) == 9 and trajectory.positions.shape[1] == before + sum(added)
+        assert [len(trajectory.ids(frame)) for frame in range(9)] == [before] * 3 + [before + sum(added)] * 6
+        for number, frame in enumerate(frames, start=1):
+            # The poured water is there at the end of the frame before its first step.
+            ids = slice(len(frame.positions))
+            np.testing.assert_array_equal(trajectory.positions[number][ids], frame.positions)
+            np.testing.assert_allclose(trajectory.velocities[number][ids], frame.velocities, atol=1e-5)
+            np.testing.assert_allclose(trajectory.poses[SOLID][number], frame.poses[SOLID].array)
+    with sf.Trajectory(path) as trajectory:
+        assert np.isnan(trajectory.positions[2][before:]).all()
+
+
+def test_a_recording_that_cannot_be_joined_keeps_its_parts(world):
+    path = world.start_recording()
+    world.pour((0, 0, 0.8), (0.2, 0.2, 0.1))
+    world.step()
+
+    path.mkdir()  # in the way
+    with pytest.raises(
+        InputError, match=r"cannot be written .* is in recording-001\.part-1\.h5 to recording-001\.part-2\.h5"
+    ):
+        world.stop_recording()
+    for number in (1, 2):
+        with sf.Trajectory(path.with_name(f"recording-001.part-{number}.h5")) as part:
+            assert len(part) == number
+    assert world.recording is None and world.start_recording().name == "recording-002.h5"
 
 
 def test_an_unusable_folder_is_named(tmp_path):

@@ -15,6 +15,10 @@ WALLS = {
     "rotationAngle": 0, "isDynamic": False, "isWall": True, "mapInvert": True, "mapResolution": [30, 30, 20],
 }  # fmt: skip
 BLOCK = {"denseMode": 0, "start": [-1, 0, -0.5], "end": [0, 1, 0.5], "translation": [0.1, 0.2, 0.3], "scale": [1, 1, 1]}
+BODY = {
+    "id": 1, "geometryFile": "box.obj", "translation": [0, 1, 0.5], "scale": [0.4, 0.3, 0.2], "isDynamic": True,
+    "density": 200, "velocity": [0, 0, 1],
+}  # fmt: skip
 SCENE = {
     "Configuration": {"particleRadius": 0.025, "gravitation": [0, -9.81, 0], "simulationMethod": 4, "stopAt": 2},
     "Materials": [{"id": "Fluid", "density0": 1000, "viscosityMethod": 1, "Standard viscosity": {"viscosity": 0.01}}],
@@ -100,16 +104,40 @@ def test_particles_are_placed(converted, tmp_path):
     np.testing.assert_allclose(particles.velocities, [[0, -3, -1]] * 2)
 
 
+def test_a_body_that_moves_freely_floats(converted):
+    scene, missing = converted(RigidBodies=[WALLS, BODY])
+    assert missing == []
+    body = scene.surfaces["box-1"]
+    assert (body.rigid_body.density, body.rigid_body.velocity) == (200, (0, -1, 0))
+    np.testing.assert_allclose(body.at, [0, -0.5, 1])
+
+
+def test_emitters_become_taps(converted):
+    emitter = {
+        "width": 8, "height": 3, "translation": [-1.2, 0.75, 0.5], "velocity": 2, "rotationAxis": [0, 1, 0],
+        "rotationAngle": math.pi / 2, "emitStartTime": 1, "emitEndTime": 2,
+    }  # fmt: skip
+    scene, missing = converted(Emitters=[emitter], FluidBlocks=[])
+    assert missing == [] and not scene.fluid
+    (tap,) = scene.taps
+    assert tap.rectangle.size == (0.4, 0.15) and (tap.speed, tap.start, tap.until) == (2, 1, 2)
+    np.testing.assert_allclose(tap.at, [-1.2, -0.5, 0.75])
+    np.testing.assert_allclose(tap.direction, [0, 1, 0], atol=1e-9)  # their x, turned about y, is -z
+
+
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"Emitters": [{}, {}]}, "2 emitters"),
+        ({"Emitters": [{}], "Materials": [{"id": "Fluid", "emitterReuseParticles": True}]}, "emitters that take back"),
         ({"AnimationFields": [{}]}, "1 animation fields"),
         ({"Configuration": {**SCENE["Configuration"], "sim2D": True}}, "two dimensions"),
         ({"Configuration": {**SCENE["Configuration"], "scriptFile": "a.py"}}, "the script a.py"),
         ({"Materials": [{"surfaceTensionMethod": 2}]}, "surface tension"),
         ({"Materials": [{"density0": 1000}, {"density0": 500}]}, "liquids of different densities"),
-        ({"RigidBodies": [WALLS, {**WALLS, "isWall": False, "isDynamic": True}]}, "rigid body 1 moves freely"),
+        (
+            {"RigidBodies": [WALLS, BODY], "TargetVelocityMotorHingeJoints": [{"bodyID1": 1, "bodyID2": 0}]},
+            "on a joint",
+        ),
     ],
 )
 def test_what_we_do_not_have_is_listed(converted, changes, message):
@@ -128,6 +156,12 @@ def test_what_we_do_not_have_is_listed(converted, changes, message):
         (json.dumps({**SCENE, "RigidBodies": [{**WALLS, "geometryFile": "missing.obj"}]}), "missing.obj"),
         (json.dumps({**SCENE, "RigidBodies": [{**WALLS, "geometryFile": "wedge.obj"}]}), "are no box along the axes"),
         (json.dumps({**SCENE, "RigidBodies": [{**WALLS, "scale": [1, 2]}]}), "scale must be three numbers"),
+        (json.dumps({**SCENE, "RigidBodies": [{**BODY, "density": "x"}]}), "is no scene of SPlisHSPlasH"),
+        (json.dumps({**SCENE, "RigidBodies": [{**BODY, "velocity": [1, 2]}]}), "velocity must be three numbers"),
+        (json.dumps({**SCENE, "RigidBodies": [{"geometryFile": "box.obj", "isDynamic": 1}]}), "has no density"),
+        (json.dumps({**SCENE, "Emitters": [{"velocity": 0}]}), "velocity"),
+        (json.dumps({**SCENE, "Emitters": [{"width": "wide"}]}), "is no scene of SPlisHSPlasH"),
+        (json.dumps({**SCENE, "Emitters": [{"translation": [0, 0]}]}), "translation must be three numbers"),
         (json.dumps({**SCENE, "RigidBodies": 3}), "is no scene of SPlisHSPlasH"),
         (json.dumps({**SCENE, "Configuration": {"particleRadius": 5}}), "must be from 0.001 to 0.1 m"),
     ],

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from surfsup.cli.options import positive_length
+from surfsup.cli.options import Near
 from surfsup.cli.progress import progress_bar
 
 
@@ -15,13 +15,7 @@ def compare(
     prediction: Annotated[Path, typer.Argument(metavar="TRAJECTORY", help="The trajectory to evaluate.")],
     reference: Annotated[Path, typer.Argument(metavar="REFERENCE", help="The reference, of the same scene.")],
     out: Annotated[Path | None, typer.Option("-o", "--out", help="A JSON file for the numbers and curves.")] = None,
-    near: Annotated[
-        float | None,
-        typer.Option(
-            callback=lambda value: None if value is None else positive_length(value),
-            help="Meters; particles closer to the solid count for Chamfer Surface. Six particle radii by default.",
-        ),
-    ] = None,
+    near: Near = None,
 ) -> None:
     """Evaluate one trajectory against another.
 

@@ -28,7 +28,7 @@ def evaluate(
         int | None, typer.Option(min=1, help="Use only the first trajectories of each folder, this many.")
     ] = None,
     frames: Annotated[int | None, typer.Option(min=1, help="Use only the first frames, this many.")] = None,
-    near: Near = 0.09,
+    near: Near = None,
     device: Device = None,
     no_video: NoVideos = False,
 ) -> None:
@@ -46,6 +46,7 @@ def evaluate(
     from surfsup.evaluation.table import evaluation_text
     from surfsup.evaluation.videos import missing_graphics, select_examples, write_videos
     from surfsup.learned.loading import load_simulator
+    from surfsup.scene import NEAR_SURFACE_DISTANCE
     from surfsup.sph.device import choose_device
 
     simulator, card = load_simulator(simulator_name)
@@ -56,11 +57,12 @@ def evaluate(
         references, skipped = load_references(sets, bar, frames)
     for warning in domain_warnings(card.training_domain if card else None, references).values():
         warnings.warn(warning, stacklevel=1)
+    threshold = NEAR_SURFACE_DISTANCE * references[0].scene.units.length if near is None else near
     folder = out or Path("out") / f"report-{name}{'-no-collisions' if no_collisions else ''}"
     hold_lock(folder)
     with progress_bar(f"evaluating {name}") as bar:
-        results = evaluate_simulator(simulator, name, references, folder, device, not no_collisions, near, bar)
-    settings = report.EvaluationSettings(name, card, not no_collisions, near, scenes, frames)
+        results = evaluate_simulator(simulator, name, references, folder, device, not no_collisions, threshold, bar)
+    settings = report.EvaluationSettings(name, card, not no_collisions, threshold, scenes, frames)
     content = report.evaluation_report(settings, sets, results, skipped, folder)
     report.write_json(folder / "report.json", content)
     typer.echo(evaluation_text(settings, results, sets, skipped))

@@ -61,8 +61,11 @@ Scheduler = Annotated[
     str | None, typer.Option(help="Address of a dask scheduler with its own workers: tcp://host:port.")
 ]
 Near = Annotated[
-    float,
-    typer.Option(callback=positive_length, help="Meters; particles closer to the solid count for Chamfer Surface."),
+    float | None,
+    typer.Option(
+        callback=lambda value: None if value is None else positive_length(value),
+        help="Meters; particles closer to the solid count for Chamfer Surface. Six particle radii by default.",
+    ),
 ]
 Seed = Annotated[int, typer.Option(min=0, help="Seed of all random numbers.")]
 TimeLimit = Annotated[str, typer.Option("--time", help="Stop after this time: 90s, 30m, 2h.")]

@@ -96,6 +96,7 @@ class OutputOptions:
             f"({summary.start_up:.1f} s to start, {summary.ms_per_frame:.1f} ms per frame, "
             f"{summary.writing:.1f} s to write); {summary.penetrations} in the solid, "
             f"{summary.out_of_container} out of the container"
+            + ("" if summary.crossings is None else f", {summary.crossings} passed through a solid")
         )
         for name, file in files.items():
             remark = "  (open it in a browser, no network needed)" if name == "page" else ""

@@ -38,7 +38,7 @@ from surfsup.cli.sweep import sweep
 from surfsup.cli.train import train
 from surfsup.cli.view import render, view
 from surfsup.cli.warning_lines import one_line_warnings
-from surfsup.errors import InputError, Interrupted, SimulationError
+from surfsup.errors import InputError, Interrupted, SimulationError, printable
 
 NO_NUMBER = "Input should be a valid number, unable to parse string as a number"  # the words of typer's validation
 
@@ -82,10 +82,10 @@ def main() -> None:
     except (InputError, typer.TyperException) as error:
         message = error.format_message() if isinstance(error, typer.TyperException) else str(error)
         message = message.replace(NO_NUMBER, "it must be a number, without a unit (lengths are in meters)")
-        sys.stderr.write(f"surfsup: {message}\n")
+        sys.stderr.write(f"surfsup: {printable(message)}\n")
         sys.exit(BAD_INPUT)
     except SimulationError as error:
-        sys.stderr.write(f"surfsup: {error}\n")
+        sys.stderr.write(f"surfsup: {printable(str(error))}\n")
         sys.exit(FAULT)
     except Interrupted as interrupt:
         exit_interrupted(str(interrupt))
@@ -97,7 +97,7 @@ def main() -> None:
     except OSError as error:
         drop_output()
         with suppress(OSError):
-            sys.stderr.write(f"surfsup: {environment_error(error)}\n")
+            sys.stderr.write(f"surfsup: {printable(environment_error(error))}\n")
         sys.exit(BAD_INPUT)
     if status == INTERRUPTED:  # typer's own answer to an interrupt
         exit_interrupted("nothing was finished yet")
@@ -119,5 +119,5 @@ def drop_output() -> None:
 
 def exit_interrupted(kept: str) -> NoReturn:
     """Exit after an interrupt, and print what is ``kept``."""
-    sys.stderr.write(f"surfsup: interrupted; {kept}\n")
+    sys.stderr.write(f"surfsup: interrupted; {printable(kept)}\n")
     sys.exit(INTERRUPTED)

@@ -38,6 +38,7 @@ def simulate(
     from surfsup.learned.loading import load_simulator
     from surfsup.simulation import Simulation
     from surfsup.sph.device import choose_device
+    from surfsup.sph.thin_walls import thin_wall_warning
 
     began = time.perf_counter()
     simulator, card = load_simulator(simulator_name)
@@ -56,10 +57,13 @@ def simulate(
         simulation, most_ids, frames = rest.simulation, rest.most_ids, rest.frames()
     else:
         simulation = simulation_of(scene)
+        if warning := thin_wall_warning(simulation.motion.solids, scene.units):
+            warnings.warn(warning, stacklevel=1)
         most_ids = simulation.most_ids()
         run = simulation.run()
         frames = ((frame.positions, frame.velocities, frame.poses, frame.ids, frame.forces) for frame in run)
     folder = output.create_folder(scene_options.source, most_ids, scene.frames)
     with progress_bar(f"simulating with {name}") as bar:
-        summary = folder.record(scene, simulation.motion.solids, frames, Provenance(name), device, bar, began)
+        solids, crossings = simulation.motion.solids, lambda: simulation.state.crossings
+        summary = folder.record(scene, solids, frames, Provenance(name), device, bar, began, crossings)
     output.finish(folder, summary, simulation.particles.excluded)

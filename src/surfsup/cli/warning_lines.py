@@ -5,6 +5,8 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable
 
+from surfsup.errors import printable
+
 
 def one_line_warnings() -> Callable[..., None]:
     """A replacement for ``warnings.showwarning`` that prints each warning once, as one line."""
@@ -13,6 +15,6 @@ def one_line_warnings() -> Callable[..., None]:
     def show_warning(message: Warning | str, *_: object) -> None:
         if str(message) not in shown:
             shown.add(str(message))
-            sys.stderr.write(f"surfsup: warning: {message}\n")
+            sys.stderr.write(f"surfsup: warning: {printable(str(message))}\n")
 
     return show_warning

@@ -29,6 +29,20 @@ def check_units(path: Path, trajectory: Trajectory) -> None:
         )
 
 
+def check_simulator_frames(path: Path, trajectory: Trajectory) -> None:
+    """Check that every step of the simulators is a frame of a trajectory, whose particles may have any size.
+
+    Raises:
+        UnitMismatchError: it has other frames.
+    """
+    expected = trajectory.scene.units
+    if not np.allclose([trajectory.frame_time, trajectory.radius], [expected.frame_time, expected.radius], rtol=1e-6):
+        raise UnitMismatchError(
+            f"{path}: has a frame every {trajectory.frame_time:.6g} s and particles of radius {trajectory.radius:g} m; "
+            f"the simulators need one every {expected.frame_time:.6g} s here, so generate it without fps"
+        )
+
+
 def check_same_units(paths: Sequence[Path], trajectories: Sequence[Trajectory]) -> None:
     """Check that trajectories have the same frame time and the same particle radius.
 

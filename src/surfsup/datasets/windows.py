@@ -117,11 +117,13 @@ class Windows:
         for path in self.paths:
             with Trajectory(path) as trajectory:
                 check_units(path, trajectory)
-                scene = trajectory.scene
+                scene, poured = trajectory.scene, trajectory.lifetimes is not None
             if scene.moves:
                 raise InputError(f"{path}: has solids that move, which no learned simulator knows; leave it out")
-            if scene.is_open:
-                raise InputError(f"{path}: has taps or drains, which no learned simulator knows; leave it out")
+            if scene.is_open or poured:
+                raise InputError(
+                    f"{path}: has water that enters or leaves, which no learned simulator knows; leave it out"
+                )
             self._scenes.append(scene)
             self._environments.append(Environment.of(scene, scene.build_surface(), device))
 

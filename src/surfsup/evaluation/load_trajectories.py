@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from surfsup.datasets.units import UnitMismatchError, check_same_units, check_units
+from surfsup.datasets.units import UnitMismatchError, check_same_units, check_simulator_frames
 from surfsup.errors import InputError
 from surfsup.evaluation.floor import floor_files
 from surfsup.io.trajectory import Trajectory
@@ -104,7 +104,7 @@ def load_references(
 
     Raises:
         InputError: no reference trajectory is valid.
-        UnitMismatchError: the data set is for another frame time or particle radius.
+        UnitMismatchError: the frames of one are not those of the simulators, or they differ in particle radius.
     """
     references: list[ReferenceTrajectory] = []
     skipped: list[SkippedFile] = []
@@ -123,6 +123,11 @@ def load_references(
                 skipped.append(skipped_file(path, error))
             done += 1
             progress(done, count)
+    if different := [one for one in references if one.scene.units != references[0].scene.units]:
+        raise UnitMismatchError(
+            f"{different[0].path}: has particles of radius {different[0].scene.particle_radius:g} m, but "
+            f"{references[0].path} of {references[0].scene.particle_radius:g} m; evaluate them one after the other"
+        )
     if not references:
         first = skipped[0]
         raise InputError(f"none of the {count} trajectories is valid; {first.file}: {first.reason}")
@@ -136,7 +141,7 @@ def check_reference(path: Path) -> tuple[Scene, int]:
         InputError: it is not a trajectory, is cut off or damaged, has other units, or its solid cannot be built.
     """
     with Trajectory(path) as reference:
-        check_units(path, reference)
+        check_simulator_frames(path, reference)
         if len(reference) < reference.scene.frames:
             raise InputError(f"{path}: was cut off: it has {len(reference)} of its {reference.scene.frames} frames")
         check_finite(path, reference)

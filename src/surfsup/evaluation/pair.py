@@ -92,6 +92,9 @@ def evaluate_pair(
         frames = min(len(one), len(other))
         if frames == 0:
             raise InputError(f"{prediction if len(one) == 0 else reference}: has no frames")
+        for path, trajectory in ((prediction, one), (reference, other)):
+            if trajectory.positions.shape[1] == 0:
+                raise InputError(f"{path}: has no particles")
         remarks = [f"{prediction} ({one.provenance.simulator}) against {reference} ({other.provenance.simulator})"]
         if len(one) != len(other):
             remarks.append(f"{len(one)} frames and {len(other)}: the first {frames}, which both have, are compared")

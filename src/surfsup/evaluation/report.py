@@ -21,7 +21,6 @@ from surfsup.evaluation.scores import METRICS, WINDOWS, WindowScores, floor_rati
 from surfsup.evaluation.summary import summaries
 from surfsup.io.atomic_file import atomic_file
 from surfsup.learned.weights_file import Card
-from surfsup.scene import FRAME_TIME
 
 DIGITS = 6  # significant digits of a curve's values
 
@@ -89,7 +88,7 @@ def evaluation_report(
             "handle_collisions": settings.handle_collisions,
         },
         "limits": {"scenes": settings.scenes, "frames": settings.frames},
-        **definitions(settings.threshold),
+        **definitions(settings.threshold, scenes[0].reference.scene.frame_time),
         "data": [{**data_set_entry(one, scenes, skipped), "domain_warning": warnings.get(one.name)} for one in sets],
         "means": [
             {
@@ -114,7 +113,7 @@ def evaluation_report(
     }
 
 
-def definitions(threshold: float, frame_time: float = FRAME_TIME) -> Json:
+def definitions(threshold: float, frame_time: float) -> Json:
     """The meaning of a report's numbers."""
     return {
         "version": __version__,

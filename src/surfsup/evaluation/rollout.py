@@ -19,6 +19,17 @@ from surfsup.sph.open_water import Passages, WithTaps
 from surfsup.sph.simulator import Simulator, StateType
 
 
+def environment_of(reference: Trajectory, device: torch.device | str = "cpu") -> Environment:
+    """The environment of a trajectory of the reference, with its solids where they were at its start.
+
+    Raises:
+        InputError: a mesh file of the scene is not valid.
+    """
+    scene, units = reference.scene, reference.scene.units
+    solids = units.solids_to_solver(build_solids(scene), reference.start_time)
+    return Environment.of(units.scene_to_solver(scene), solids.still, device, solids)
+
+
 def until_diverged(rollout: Iterator[tuple[StateType, torch.Tensor]]) -> Iterator[tuple[StateType, torch.Tensor]]:
     """The frames of a rollout up to the first that is not finite or in which the fluid has collapsed."""
     with suppress(SimulationError):
@@ -40,17 +51,17 @@ def roll_out(
     Args:
         simulator: on the device of ``environment``.
         reference: gives the positions and velocities of frame 0.
-        environment: of the reference's scene.
+        environment: of the reference's scene, in the units of the simulators.
         frames: number of frames, frame 0 included.
         handle_collisions: whether collision handling keeps particles out of the solid.
 
     Returns:
-        An iterator over the frames: the state, and which particles (N,) collision handling moved.
+        An iterator over the frames: the state, in the units of the simulators, and which particles (N,) collision
+        handling moved.
     """
     device, ids = environment.gravity.device, reference.ids(0)
-    positions, velocities = (
-        torch.from_numpy(data[0][ids]).to(device) for data in (reference.positions, reference.velocities)
-    )
+    start = reference.scene.units.frame_to_solver(reference.positions[0][ids], reference.velocities[0][ids])
+    positions, velocities = (torch.from_numpy(values).to(device) for values in start)
     state = simulator.initial_state(positions, velocities, environment)
     return until_diverged(simulator.rollout(state, environment, frames, handle_collisions))
 
@@ -88,28 +99,27 @@ def write_rollout(
         InputError: a mesh file of the scene is not valid, ``path`` cannot be written, or the simulator knows no taps.
     """
     scene = reference.scene.with_frames(frames)
-    solids = scene.units.solids_to_solver(build_solids(scene), reference.start_time)
-    environment = Environment.of(scene, solids.still, device, solids)
+    units, own_solids = scene.units, build_solids(scene)
+    environment = environment_of(reference, device)
     count = len(reference.ids(0))
     if scene.is_open:
-        passages = Passages.of(scene, build_solids(scene), reference.start_time)
+        passages = Passages.of(scene, own_solids, reference.start_time)
         simulator = WithTaps(simulator, passages)
         count += passages.taps.count(0.0, (frames - 1) * FRAME_TIME)
     rollout = roll_out(simulator.to(device), reference, environment, frames, handle_collisions)
     lost = np.full((count, 3), np.nan, dtype=np.float32)
     collided_shares = []
+
+    def poses_at(number: int) -> dict[str, Pose]:
+        return own_solids.poses(reference.start_time + number * scene.frame_time)
+
     with TrajectoryWriter(path, scene, Provenance(name), len(lost), start_time=reference.start_time) as writer:
         for number, (state, collided) in enumerate(rollout):
-            values = (state.positions.cpu().numpy(), state.velocities.cpu().numpy())
-            writer.append(*values, poses_of(environment, number), getattr(state, "ids", None))
+            values = units.frame_from_solver(state.positions.cpu().numpy(), state.velocities.cpu().numpy())
+            writer.append(*values, poses_at(number), getattr(state, "ids", None))
             collided_shares.append(float(collided.float().mean()) if len(collided) else 0.0)
             progress(len(collided_shares))
         for number in range(len(collided_shares), frames):
-            writer.append(lost, lost, poses_of(environment, number))
+            writer.append(lost, lost, poses_at(number))
             progress(number + 1)
     return float(np.mean(collided_shares))
-
-
-def poses_of(environment: Environment, frame: int) -> dict[str, Pose]:
-    """The pose by name of all that moves in a frame."""
-    return {} if environment.moving is None else environment.moving.solids.poses(frame * FRAME_TIME)

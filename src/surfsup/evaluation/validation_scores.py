@@ -15,10 +15,9 @@ import torch
 
 from surfsup.evaluation.load_trajectories import trajectory_files
 from surfsup.evaluation.metrics import UNDEFINED_CHAMFER, center_height, chamfer, kinetic_energy
-from surfsup.evaluation.rollout import roll_out
+from surfsup.evaluation.rollout import environment_of, roll_out
 from surfsup.evaluation.scores import energy_ratio
 from surfsup.io.trajectory import Trajectory
-from surfsup.sph.environment import Environment
 from surfsup.sph.simulator import Simulator
 
 
@@ -71,7 +70,7 @@ def score_rollout(
         device: where to compute.
         handle_collisions: whether collision handling keeps particles out of the solid.
     """
-    environment = Environment.of(reference.scene, reference.scene.build_surface(), device)
+    environment = environment_of(reference, device)
     frames = min(frames, len(reference))
     true_positions, true_velocities = reference.positions[:frames], reference.velocities[:frames]
     chamfers, height_errors, energies, true_energies, collided_shares = [], [], [], [], []

@@ -87,6 +87,11 @@ def export(
     form = check_export(format, fps)
     contents, axis = form.contents(what), form.up_axis(up)
     with open_readable(Path(trajectory)) as opened:
+        if 0 in opened.positions.shape:
+            frames, particles, _ = opened.positions.shape
+            raise InputError(
+                f"{trajectory}: has {frames} frames of {particles} particles, so there is nothing to export"
+            )
         folder = writable_folder(Path(out))
         with closing(open_writer(form, folder, fps, axis, overwrite, contents)) as writer:
             return write(opened, writer, contents, fps, axis, reconstruction or Reconstruction(), progress)
@@ -134,7 +139,7 @@ def write(
             done += 1
             progress(done, total)
         if not done:
-            raise InputError("the trajectory has no readable frame, so there is nothing to export")
+            raise InputError(f"{trajectory.path}: has no readable frame, so there is nothing to export")
     if source.cut_off:
         missing = f"only {source.read} of {len(trajectory)} frames are readable"
         warnings.warn(f"the trajectory was cut off: {missing}; these were exported", stacklevel=3)

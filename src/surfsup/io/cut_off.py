@@ -67,7 +67,7 @@ class CutOffTrajectory(Trajectory):
         Raises:
             ValueError: the shape is absurd.
         """
-        size = self._path.stat().st_size
+        size = self.path.stat().st_size
         if data.nbytes > MAX_SHRINKING * size:
             raise ValueError(f"{data.name} should have the shape {data.shape}, in a file of {size} bytes")
 

@@ -43,6 +43,8 @@ class Summary:
         writing: seconds of counting penetrations and writing frames.
         penetrations: number of particles inside the solid, summed over frames.
         out_of_container: number of particles outside the container, summed over frames.
+        crossings: number of times that the straight way of a particle in a step led through a solid; None where the
+            steps are not known. A continued simulation counts from where it continues.
         model: name of the simulator.
         device: device of the simulation, such as "cpu".
         version: version of surfsup.
@@ -58,6 +60,7 @@ class Summary:
     out_of_container: int
     model: str
     device: str
+    crossings: int | None = None
     entered: int = 0
     left: int = 0
     version: str = __version__
@@ -113,6 +116,7 @@ class OutputFolder:
         device: str,
         on_progress: Callable[[int, int], None],
         began: float | None = None,
+        crossings: Callable[[], int | None] = lambda: None,
     ) -> Summary:
         """Write the frames while the simulator computes them, then the summary.
 
@@ -127,6 +131,7 @@ class OutputFolder:
             device: device of the simulation, for the summary.
             on_progress: called after each frame with the numbers of finished frames and of all frames.
             began: when the start-up began, by ``time.perf_counter``; now by default.
+            crossings: how many there were so far, for the summary.
 
         Raises:
             InputError: the trajectory cannot be written.
@@ -171,6 +176,7 @@ class OutputFolder:
                 out_of_container=out_of_container,
                 model=provenance.simulator,
                 device=device,
+                crossings=crossings(),
                 entered=writer.entered,
                 left=writer.left,
             )

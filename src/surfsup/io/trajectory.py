@@ -18,10 +18,12 @@ from typing import Self
 import h5py
 import numpy as np
 from isal import isal_zlib
+from isal.igzip_lib import IsalError
 
 from surfsup import __version__
+from surfsup.checked.hdf5 import check_written, stored_dataset, stored_object
+from surfsup.checked.tensors import finite_number
 from surfsup.errors import InputError
-from surfsup.io.checked_dataset import check_written, stored_dataset, stored_object
 from surfsup.io.reserved_space import ReservedSpace
 from surfsup.scene import Scene
 from surfsup.scene.pose import Pose
@@ -44,7 +46,9 @@ COMPRESSION_LEVEL = 2  # of ISA-L
 # float32 stores to 6e-8 m; finer digits are noise that does not compress.
 VELOCITY_STEP = 2.0**-16
 FLUID_TYPE = 0
+MAX_TIME = 1e7  # seconds, of a frame and of the start
 UNREADABLE = (OSError, RuntimeError, KeyError, TypeError, ValueError)  # that h5py raises for files that are damaged
+DAMAGED = (OSError, RuntimeError, ValueError, IsalError)  # that reading chunks raises
 SPARE_BYTES = 256 * 1024  # free disk space for the tables of the file
 
 
@@ -70,6 +74,7 @@ class TrajectoryFrames:
     in which it is not in the scene; :meth:`ids` says which are.
 
     Attributes:
+        path: its file.
         positions: (frames, particles, 3) float32 in meters, an HDF5 data set that slices like an array.
         velocities: (frames, particles, 3) float32 in m/s, at the end of each frame.
         lifetimes: (particles, 2) int64, the first frame of each particle and the one after its last; None where all
@@ -82,7 +87,7 @@ class TrajectoryFrames:
         Raises:
             InputError: the file is missing, is not HDF5, or is not a trajectory.
         """
-        self._path = path = Path(path)
+        self.path = path = Path(path)
         if not path.is_file():
             raise InputError(f"{path}: there is no such trajectory file")
         try:
@@ -136,8 +141,15 @@ class TrajectoryFrames:
         return np.flatnonzero((first <= frame) & (frame < end))
 
     def window(self, first: int, count: int) -> tuple[np.ndarray, np.ndarray]:
-        """Positions and velocities (count, N, 3) of ``count`` frames from ``first``; faster than slicing."""
-        return read_chunks(self.positions, first, count), read_chunks(self.velocities, first, count)
+        """Positions and velocities (count, N, 3) of ``count`` frames from ``first``; faster than slicing.
+
+        Raises:
+            OSError: the frames are damaged.
+        """
+        try:
+            return read_chunks(self.positions, first, count), read_chunks(self.velocities, first, count)
+        except DAMAGED as error:  # type: ignore[misc]  # the stub of isal declares an instance
+            raise OSError(single_line(error)) from None
 
     def close(self) -> None:
         """Close the file."""
@@ -149,7 +161,7 @@ class TrajectoryFrames:
     def __exit__(self, kind: type | None, error: BaseException | None, trace: TracebackType | None) -> None:
         self.close()
         if isinstance(error, OSError) and error.errno is None:  # of HDF5, which does not say which file it is
-            raise InputError(f"{self._path}: is damaged ({single_line(error)})") from None
+            raise InputError(f"{self.path}: is damaged ({single_line(error)})") from None
 
 
 class Trajectory(TrajectoryFrames):
@@ -181,8 +193,9 @@ class Trajectory(TrajectoryFrames):
         super()._read(path)
         attributes = dict(self._file.attrs)
         self.scene = Scene.from_yaml(str(attributes["scene"]), f"{path} (scene)", path.parent)
-        self.frame_time, self.radius = float(attributes["frame_time"]), float(attributes["radius"])
-        self.start_time = float(attributes.get("start_time", 0.0))
+        self.frame_time = finite_number("frame_time", float(attributes["frame_time"]), 1e-6, MAX_TIME)
+        self.radius = finite_number("radius", float(attributes["radius"]), 1e-6, 1e3)
+        self.start_time = finite_number("start_time", float(attributes.get("start_time", 0.0)), -MAX_TIME, MAX_TIME)
         self.provenance = Provenance(str(attributes["model"]), int(attributes["seed"]), str(attributes["version"]))
         self.poses = self._rows_by_name(POSES, 7)
         self.forces, self.torques = (self._rows_by_name(group, 3) for group in WRENCHES)
@@ -194,6 +207,7 @@ class Trajectory(TrajectoryFrames):
             data = stored_dataset(self._file, f"{group}/{name}")
             if data.ndim != 2 or data.shape[1] != width or len(data) < len(self):
                 raise ValueError(f"{group}/{name} is not (frames, {width})")
+            check_written(data)
             rows[name] = data[: len(self)]
         return rows
 

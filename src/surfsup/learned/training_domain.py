@@ -7,8 +7,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from surfsup.checked.tensors import finite_number, plain_text
 from surfsup.scene import FRAME_TIME, PARTICLE_RADIUS, Scene
 
+MAX_NAME = 100  # characters
 TOLERANCE = 0.01  # relative; a value this far outside a range still counts as inside
 Range = tuple[float, float]
 
@@ -60,13 +62,27 @@ class TrainingDomain:
 
         Raises:
             TypeError: it is not a mapping, or a key is missing or unknown.
+            ValueError: a value is no such range or number; the message names it.
         """
         if not isinstance(data, dict):
             raise TypeError(f"a training domain is a mapping, not {data!r}")
         values: dict[str, Any] = {
-            key: tuple(value) if isinstance(value, list) else value for key, value in data.items()
+            key: tuple(value) if isinstance(value, list | tuple) else value for key, value in data.items()
         }
-        return cls(**values)
+        domain = cls(**values)
+        for name in ("sides", "heights", "particles", "gravity"):
+            ends = getattr(domain, name)
+            if not isinstance(ends, tuple) or len(ends) != 2:
+                raise ValueError(f"{name} of the training domain is no range of two numbers")
+            for end in ends:
+                finite_number(f"{name} of the training domain", end)
+        for name in ("max_tilt", "max_speed", "frame_time", "radius"):
+            finite_number(f"{name} of the training domain", getattr(domain, name))
+        if not isinstance(domain.surfaces, tuple):
+            raise ValueError("surfaces of the training domain is no list of names")
+        for kind in domain.surfaces:
+            plain_text("a surface of the training domain", kind, MAX_NAME)
+        return domain
 
     def union(self, other: TrainingDomain) -> TrainingDomain:
         """The smallest domain that contains both."""

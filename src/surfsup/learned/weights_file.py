@@ -12,6 +12,7 @@ from safetensors import SafetensorError, safe_open
 from safetensors.torch import save_file
 from torch import Tensor
 
+from surfsup.checked.tensors import load_weights, plain_text, read_tensors
 from surfsup.errors import InputError
 from surfsup.learned.base import Architecture, LearnedSimulator
 from surfsup.learned.message_passing.simulator import MessagePassingSimulator
@@ -20,6 +21,7 @@ from surfsup.learned.training_domain import TrainingDomain
 
 FORMAT = "surfsup-simulator-6"
 FORMAT_5 = "surfsup-simulator-5"  # message-passing simulators with node features of version 1
+MAX_NAME = 100  # characters
 FORMAT_FAMILY = "surfsup-simulator-"
 
 
@@ -43,10 +45,15 @@ class Card:
 
         Raises:
             TypeError: it is not a mapping, or a key is missing or unknown.
+            ValueError: a value is of another type.
         """
         if not isinstance(data, dict):
             raise TypeError(f"a card is a mapping, not {data!r}")
         domain = data.get("training_domain")
+        name = plain_text("the card's name", data.get("name"), MAX_NAME)
+        if not name.isprintable() or "/" in name or name.startswith("."):  # it becomes the name of a folder
+            raise ValueError(f"the card's name is {name!r}")
+        plain_text("the card's text", data.get("about"))
         return cls(**{**data, "training_domain": None if domain is None else TrainingDomain.from_json(domain)})
 
 
@@ -82,15 +89,14 @@ def load(path: Path) -> tuple[LearnedSimulator[Any], Card]:
                     f"{path}: contains weights of kind '{header['kind']}', which this version does not know; "
                     f"known kinds are {', '.join(LEARNED_SIMULATORS)}"
                 )
-            names = file.keys()  # the file itself is not a mapping
-            tensors = {name: file.get_tensor(name) for name in names}
+        tensors = read_tensors(path)
         sizes = json.loads(header["architecture"])
         if header["format"] == FORMAT_5 and issubclass(kind, MessagePassingSimulator):
             sizes |= {"features": 1}
         architecture = kind.architecture_type(**sizes)
         check_sizes(architecture, tensors)
         simulator = kind(architecture)
-        simulator.load_state_dict(tensors)
+        load_weights(simulator, tensors)
         card = Card.from_json(json.loads(header["card"]))
     except SafetensorError as error:
         raise InputError(
@@ -98,7 +104,7 @@ def load(path: Path) -> tuple[LearnedSimulator[Any], Card]:
         ) from None
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror or error}") from None
-    except (KeyError, TypeError, ValueError, RuntimeError) as error:
+    except (KeyError, TypeError, ValueError, RuntimeError, RecursionError) as error:
         if isinstance(error, InputError):
             raise
         reason = " ".join(str(error).split())

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from contextlib import ExitStack
 from pathlib import Path
 
 import numpy as np
@@ -10,8 +9,8 @@ import torch
 from scipy.spatial import cKDTree
 
 from surfsup.errors import InputError
-from surfsup.io.trajectory import Provenance, TrajectoryWriter
 from surfsup.live.following import towards
+from surfsup.live.recording import Recording
 from surfsup.scene import Block, Scene
 from surfsup.scene.pose import Pose
 from surfsup.scene.shapes import Shape
@@ -43,7 +42,7 @@ class LiveWorld:
 
     def __init__(self, scene: Scene, folder: Path) -> None:
         self._folder = folder
-        self._recording: tuple[Path, TrajectoryWriter, ExitStack] | None = None
+        self._recording: Recording | None = None
         self._start(with_named_surface(scene))
 
     def _start(self, scene: Scene) -> None:
@@ -79,7 +78,7 @@ class LiveWorld:
                 self._place(name, towards(poses[name], target, self.frame_time, units.velocity))
         frame = self.simulation.step()
         if self._recording is not None:
-            self._recording[1].append(frame.positions, frame.velocities, frame.poses)
+            self._recording.append(frame)
         return frame
 
     def pour(self, center: tuple[float, float, float], sides: tuple[float, float, float]) -> int:
@@ -104,11 +103,12 @@ class LiveWorld:
         check_count(len(frame.positions) + len(added))
         if len(added) == 0:
             return 0
-        self.stop_recording()  # a trajectory has one number of particles
         state = self.simulation.state
         positions, velocities = self._units.frame_to_solver(added, np.zeros_like(added))
         fluid = with_particles(state.fluid, positions, velocities)
         self.simulation.reset(SimulationState(state.frame, fluid, state.poses))
+        if self._recording is not None:
+            self._recording.poured(self.frame)
         return len(added)
 
     def _free_sites(self, positions: np.ndarray, frame: Frame) -> np.ndarray:
@@ -130,6 +130,10 @@ class LiveWorld:
         self._gravity = gravity
         self.simulation.set_gravity(gravity)
 
+    def set_viscosity(self, viscosity: float | None) -> None:
+        """Let the liquid have another kinematic viscosity in m²/s, None for the solver's own, until the reset."""
+        self.simulation.set_viscosity(viscosity)
+
     def move(self, name: str, pose: Pose) -> None:
         """Let a surface move to a pose, no faster than water can follow."""
         self._targets[name] = pose
@@ -148,18 +152,19 @@ class LiveWorld:
         self.set_gravity(gravity)
 
     def reset(self) -> None:
-        """Return to the start: its water, its poses and its gravity."""
+        """Return to the start: its water, its poses, its gravity and its viscosity."""
         self.stop_recording()
         self._targets = {name: self._rest[name] for name in self.movable}
         for name, pose in self._targets.items():
             self._place(name, pose)
         self.simulation.reset()
         self.set_gravity(self.scene.gravity)
+        self.set_viscosity(None if self.scene.liquid is None else self.scene.liquid.viscosity)
 
     @property
     def recording(self) -> Path | None:
         """The file that is recorded to, if any."""
-        return None if self._recording is None else self._recording[0]
+        return None if self._recording is None else self._recording.path
 
     def start_recording(self) -> Path:
         """Write every step from now on to a new trajectory file; returns its path.
@@ -175,25 +180,23 @@ class LiveWorld:
         except OSError as error:
             raise InputError(f"{self._folder}: cannot be made ({error.strerror})") from None
         number = 1
-        while (path := self._folder / f"recording-{number:03d}.h5").exists():
+        while list(self._folder.glob(f"recording-{number:03d}.*")):
             number += 1
-        frame, stack = self.frame, ExitStack()
         scene = self.scene.model_copy(update={"fps": None, "duration": None, "gravity": self._gravity})
         scene = scene.with_base_folder(self.scene.base_folder)
-        writer = TrajectoryWriter(path, scene, Provenance(SIMULATOR), len(frame.positions), start_time=frame.time)
-        stack.enter_context(writer)
-        writer.append(frame.positions, frame.velocities, frame.poses)
-        self._recording = path, writer, stack
-        return path
+        self._recording = Recording(self._folder / f"recording-{number:03d}.h5", scene, SIMULATOR, self.frame)
+        return self._recording.path
 
     def stop_recording(self) -> Path | None:
-        """Finish the recording; returns its path, None without one."""
+        """Finish the recording; returns its path, None without one.
+
+        Raises:
+            InputError: the disk is full.
+        """
         if self._recording is None:
             return None
-        path, _, stack = self._recording
-        self._recording = None
-        stack.close()
-        return path
+        recording, self._recording = self._recording, None
+        return recording.finish()
 
     def _place(self, name: str, pose: Pose) -> None:
         self.simulation.set_pose(name, pose.position, pose.rotation)

@@ -12,9 +12,10 @@ from typing import Any
 
 import torch
 from safetensors import SafetensorError, safe_open
-from safetensors.torch import load_file, save_file
+from safetensors.torch import save_file
 from torch import Tensor
 
+from surfsup.checked.tensors import read_tensors
 from surfsup.errors import InputError
 
 FORMAT = "surfsup-checkpoint-3"
@@ -105,10 +106,12 @@ def read(path: Path) -> Checkpoint:
                 f"{path}: is a checkpoint of another version of surfsup, which this one cannot resume; "
                 "start a new run in another folder"
             )
-        return Checkpoint(load_file(path), counters, config)
+        if not isinstance(counters, dict):
+            raise ValueError("its counters are no mapping")
+        return Checkpoint(read_tensors(path), counters, config)
     except InputError:
         raise
-    except (SafetensorError, OSError, KeyError, ValueError) as error:
+    except (SafetensorError, OSError, KeyError, ValueError, RecursionError) as error:
         raise InputError(f"{path}: is cut off or no checkpoint ({summary(error)})") from None
 
 
@@ -129,10 +132,19 @@ def optimizer_state(optimizer: torch.optim.Optimizer) -> dict[str, Tensor]:
 
 
 def load_optimizer_state(optimizer: torch.optim.Optimizer, tensors: Mapping[str, Tensor]) -> None:
-    """Restore what :func:`optimizer_state` returned."""
+    """Restore what :func:`optimizer_state` returned.
+
+    Raises:
+        ValueError: a tensor belongs to no parameter of the optimizer, or has none of the shapes that a state has.
+    """
+    parameters = [parameter for group in optimizer.param_groups for parameter in group["params"]]
     states: dict[int, dict[str, Tensor]] = {}
     for name, value in tensors.items():
         number, key = name.split(".", 1)
+        shape = parameters[int(number)].shape if 0 <= int(number) < len(parameters) else None
+        square = value.ndim == 2 and value.shape[0] == value.shape[1] and shape is not None and value.shape[0] in shape
+        if shape is None or not value.is_floating_point() or not (value.ndim == 0 or value.shape == shape or square):
+            raise ValueError(f"its tensor 'optimizer.{name[:80]}' fits no parameter")
         states.setdefault(int(number), {})[key] = value
     optimizer.load_state_dict({"state": states, "param_groups": optimizer.state_dict()["param_groups"]})
 

@@ -13,6 +13,7 @@ import torch
 from pydantic import ValidationError
 from torch import Tensor, nn
 
+from surfsup.checked.tensors import finite_number, load_weights, whole_number
 from surfsup.errors import InputError, SimulationError
 from surfsup.optim.averaging import update_average
 from surfsup.optim.checkpoint import (
@@ -27,6 +28,7 @@ from surfsup.optim.checkpoint import (
 from surfsup.optim.config import Config
 from surfsup.optim.schedule import learning_rate
 
+MAX_STEP = 1 << 53
 Model = TypeVar("Model", bound=nn.Module)
 Batch = TypeVar("Batch")
 
@@ -64,7 +66,7 @@ class Run(ABC, Generic[Config, Model, Batch]):
         validated_step: the step of the last validation.
         best_score: the lowest validation score so far.
         seconds, processor_seconds: time spent.
-        smoothed_loss: moving average of the loss since the start or the last resumption; NaN before the first step.
+        smoothed_loss: moving average of the loss; NaN before the first step.
     """
 
     def __init__(self, config: Config, folder: Path, model: Model, optimizer: torch.optim.Optimizer) -> None:
@@ -165,6 +167,7 @@ class Run(ABC, Generic[Config, Model, Batch]):
             "step": self.step,
             "validated_step": self.validated_step,
             "best_score": self.best_score,
+            "smoothed_loss": self.smoothed_loss,
             "seconds": self.seconds,
             "processor_seconds": self.processor_seconds,
         }
@@ -176,9 +179,13 @@ class Run(ABC, Generic[Config, Model, Batch]):
         Raises:
             KeyError, TypeError, ValueError, RuntimeError: something is missing or of another shape.
         """
-        self.model.load_state_dict(without_prefix("model.", tensors))
-        self.average.load_state_dict(without_prefix("average.", tensors))
+        load_weights(self.model, without_prefix("model.", tensors))
+        load_weights(self.average, without_prefix("average.", tensors))
         load_optimizer_state(self.optimizer, without_prefix("optimizer.", tensors))
-        self.step, self.validated_step = counters["step"], counters["validated_step"]
-        self.best_score = counters["best_score"]
-        self.seconds, self.processor_seconds = counters["seconds"], counters["processor_seconds"]
+        self.step = whole_number("step", counters["step"], 0, MAX_STEP)
+        self.validated_step = whole_number("validated_step", counters["validated_step"], 0, self.step)
+        best, loss = counters["best_score"], counters.get("smoothed_loss", math.nan)
+        self.best_score = math.inf if best == math.inf else finite_number("best_score", best)
+        self.smoothed_loss = math.nan if loss != loss else finite_number("smoothed_loss", loss)
+        self.seconds = finite_number("seconds", counters["seconds"])
+        self.processor_seconds = finite_number("processor_seconds", counters["processor_seconds"])

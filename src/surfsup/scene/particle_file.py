@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import warnings
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,6 +10,7 @@ from pathlib import Path
 import numpy as np
 from pydantic import field_validator
 
+from surfsup.checked.hdf5 import check_written, stored_dataset
 from surfsup.errors import InputError
 from surfsup.scene.bgeo_points import read_bgeo
 from surfsup.scene.strict_model import StrictModel, Vector
@@ -171,7 +173,11 @@ def read_trajectory(path: Path, frame: int | None) -> FileParticles:
     import h5py
 
     with h5py.File(path, "r") as file:
-        positions, velocities = (file[f"00000/{name}"] for name in ("position", "velocity"))
+        positions, velocities = (stored_dataset(file, f"00000/{name}") for name in ("position", "velocity"))
+        if positions.ndim != 3 or positions.shape[2] != 3 or positions.shape != velocities.shape:
+            raise ValueError(f"its positions have the shape {positions.shape}, its velocities {velocities.shape}")
+        check_written(positions)
+        check_written(velocities)
         count = len(positions)
         number = count - 1 if frame is None else frame
         if not 0 <= number < count:
@@ -179,7 +185,10 @@ def read_trajectory(path: Path, frame: int | None) -> FileParticles:
             raise InputError(f"{path}: has {frames}")
         values = [data[number] for data in (positions, velocities)]
         if "00000/lifetime" in file:  # the particles that are in the scene in this frame
-            first, end = file["00000/lifetime"][:].T
+            lifetimes = stored_dataset(file, "00000/lifetime", "iu")
+            if lifetimes.shape != (positions.shape[1], 2):
+                raise ValueError(f"its lifetimes have the shape {lifetimes.shape}")
+            first, end = lifetimes[:].T
             values = [data[(first <= number) & (number < end)] for data in values]
         time = float(file.attrs.get("start_time", 0.0)) + number * float(file.attrs["frame_time"])
         return FileParticles(values[0], values[1], float(file.attrs["radius"]), time)
@@ -191,7 +200,8 @@ def end_time(path: Path) -> float:
 
     try:
         with h5py.File(path, "r") as file:
-            last = max(0, len(file["00000/position"]) - 1)
-            return float(file.attrs.get("start_time", 0.0)) + last * float(file.attrs["frame_time"])
-    except (OSError, KeyError, TypeError, ValueError):
+            last = max(0, len(stored_dataset(file, "00000/position")) - 1)
+            time = float(file.attrs.get("start_time", 0.0)) + last * float(file.attrs["frame_time"])
+            return time if math.isfinite(time) else 0.0
+    except (OSError, RuntimeError, KeyError, TypeError, ValueError):
         return 0.0  # reading the particles is what reports the file

@@ -16,6 +16,7 @@ from surfsup.scene.solids import build_solids
 from surfsup.sph.dfsph import VISCOSITY
 from surfsup.sph.liquid import LiquidForces
 from surfsup.sph.state import SUBSTEP_TIME
+from surfsup.splishsplash.emitters import FLOW_TOLERANCE, emitter_of
 from surfsup.splishsplash.job_files import (
     DFSPH,
     FIXED_STEP,
@@ -104,6 +105,7 @@ def export_scene(scene: Scene, out: Path) -> ExportedScene:
                 "initialVelocity": [float(value) for value in velocity],
             }
         )
+    material: dict[str, object] = {"id": "Fluid", "density0": scene.density, **viscosity_of(scene)}
     content: dict[str, object] = {
         "Configuration": {
             "particleRadius": scene.particle_radius,
@@ -115,16 +117,17 @@ def export_scene(scene: Scene, out: Path) -> ExportedScene:
             "stopAt": scene.frames * scene.frame_time,
             "DFSPH": {"enableDivergenceSolver": True},
         },
-        "Materials": [
-            {
-                "id": "Fluid",
-                "density0": scene.density,
-                **viscosity_of(scene),
-            }
-        ],
+        "Materials": [material],
         "FluidModels": models,
         "RigidBodies": bodies,
     }
+    if scene.taps:
+        content["Emitters"] = emitters(scene, missing)
+        # Memory for them is taken at the start.
+        material["maxEmitterParticles"] = 2 * sum(
+            tap.nozzle(scene.spacing).count(0.0, scene.start_time + scene.frames * scene.frame_time)
+            for tap in scene.taps
+        )
     return ExportedScene(content, missing, out, files)
 
 
@@ -144,13 +147,29 @@ def missing_in_file(scene: Scene) -> list[str]:
         missing.append("bodies that float; they stand still")
     if any(getattr(entry, "motion", None) is not None for entry in [scene.container, *scene.surfaces.values()]):
         missing.append("motions of solids, which SPlisHSPlasH takes from a script only")
-    if scene.taps:
-        missing.append("taps, whose layers the emitters of SPlisHSPlasH do not have")
     if scene.drains:
         missing.append("drains")
     if scene.liquid is not None and (scene.liquid.surface_tension or scene.liquid.adhesion):
         missing.append("surface tension and adhesion")
     return missing
+
+
+def emitters(scene: Scene, missing: list[str]) -> list[dict[str, object]]:
+    """The taps of a scene; adds to ``missing`` what emitters do not have."""
+    converted: list[dict[str, object]] = []
+    for number, tap in enumerate(scene.taps):
+        if tap.carrier is not None:
+            missing.append(f"tap {number}, which moves")
+            continue
+        if tap.recycle:
+            missing.append(f"tap {number} gives only what drains have taken; here it always flows")
+        emitter, share = emitter_of(tap, scene.spacing)
+        if abs(share - 1) > FLOW_TOLERANCE:
+            missing.append(
+                f"the flow of tap {number}; that of its emitter, of whole particles, is {share:.2f} times it"
+            )
+        converted.append(emitter)
+    return converted
 
 
 def rigid_body(

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -21,6 +21,7 @@ from surfsup.errors import InputError
 from surfsup.scene import Scene
 from surfsup.scene.particle_file import read_particles
 from surfsup.sdf import load_mesh
+from surfsup.splishsplash.emitters import FOREVER, PARTICLES, SPEED, closing_times, opening, turn_of
 
 Y_TO_Z = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])  # as `up: y` of a mesh
 DEFAULTS = {"particleRadius": 0.025, "gravitation": [0.0, -9.81, 0.0]}  # of SPlisHSPlasH
@@ -125,8 +126,17 @@ class Converter:
             scene["density"] = densities.pop()
         solids = [body for body in bodies if body not in walls]
         if solids:
-            scene["surfaces"] = self.surfaces(solids, placement)
-        scene["fluid"] = self.fluid(content, placement)
+            joints = content.get("TargetVelocityMotorHingeJoints", [])
+            jointed = {joint[key] for joint in joints for key in ("bodyID1", "bodyID2")}
+            scene["surfaces"] = self.surfaces(solids, placement, jointed)
+        fluid = self.fluid(content, placement)
+        taps = self.taps(content, placement, 2 * scene["particle_radius"])
+        if fluid or not taps:
+            scene["fluid"] = fluid
+        if taps:
+            scene["taps"] = taps
+        if not fluid and not taps:
+            raise InputError(f"{self.source}: has no fluid: no FluidBlocks, no FluidModels, no Emitters")
         if float(settings.get("stopAt", 0) or 0) > 0:
             scene["duration"] = float(settings["stopAt"])
         text = yaml.safe_dump(scene, sort_keys=False, default_flow_style=None)
@@ -137,7 +147,6 @@ class Converter:
     def note_missing(self, content: Json, settings: Json) -> None:
         """Note what the scene has and ours does not. Settings of the solver and of pictures do not count."""
         counted = {
-            "Emitters": "emitters",
             "AnimationFields": "animation fields",
             "TargetVelocityMotorHingeJoints": "joints",
         }
@@ -189,12 +198,12 @@ class Converter:
             raise InputError(f"{self.source}: a rigid body has no geometryFile")
         return load_mesh(self.source.parent / body["geometryFile"])
 
-    def surfaces(self, bodies: Sequence[Json], placement: Placement) -> dict[str, Any]:
-        """The rigid bodies that are no walls, by name."""
+    def surfaces(self, bodies: Sequence[Json], placement: Placement, jointed: Collection[object]) -> dict[str, Any]:
+        """The rigid bodies that are no walls, by name; those whose ids are ``jointed`` stand still."""
         surfaces: dict[str, Any] = {}
         for number, body in enumerate(bodies, start=1):
-            if body.get("isDynamic"):
-                self.missing.append(f"rigid body {number} moves freely; here it stands still")
+            if body.get("isDynamic") and body.get("id", number) in jointed:
+                self.missing.append(f"rigid body {number} hangs on a joint; here it stands still")
             elif body.get("isAnimated"):
                 self.missing.append(f"rigid body {number} is moved by a script; here it stands still")
             mesh = self.mesh_of(body)
@@ -215,6 +224,8 @@ class Converter:
                 entry["rotate"] = {"axis": placement.vector(body["rotationAxis"]), "degrees": math.degrees(angle)}
             translation = vector_of(body.get("translation", [0, 0, 0]), "translation")
             entry["at"] = rounded(placement.point(middle + translation))
+            if body.get("isDynamic") and body.get("id", number) not in jointed:
+                entry["rigid_body"] = rigid_body(body, placement)
             surfaces[name] = entry
         return surfaces
 
@@ -254,9 +265,33 @@ class Converter:
             entries.append(
                 {"particles": {"file": self.relative(file), **({"velocity": velocity} if any(velocity) else {})}}
             )
-        if not entries:
-            raise InputError(f"{self.source}: has no fluid that surfsup can start with: no FluidBlocks, no FluidModels")
         return entries
+
+    def taps(self, content: Json, placement: Placement, spacing: float) -> list[Any]:
+        """The emitters, for particles of a diameter of ``spacing`` meters."""
+        emitters = content.get("Emitters", [])
+        materials = {material.get("id", "Fluid"): material for material in content.get("Materials", [])}
+        liquids = {emitter.get("id", "Fluid"): materials.get(emitter.get("id", "Fluid"), {}) for emitter in emitters}
+        if any(material.get("emitterReuseParticles") for material in liquids.values()):
+            self.missing.append("emitters that take back particles from outside a box; here they stay")
+        limits = {liquid: float(material.get("maxEmitterParticles", PARTICLES)) for liquid, material in liquids.items()}
+        taps = []
+        duration = float(content.get("Configuration", {}).get("stopAt", 0) or 0)
+        ends = closing_times(emitters, spacing, limits, duration if duration > 0 else math.inf)
+        for emitter, end in zip(emitters, ends, strict=True):
+            axes = placement.turn @ rotation_of(emitter)  # columns: its own axes in our scene
+            entry = opening(emitter, spacing)
+            translation = vector_of(emitter.get("translation", [0, 0, 0]), "translation")
+            entry |= {"at": rounded(placement.point(translation)), "direction": rounded(axes[:, 0])}
+            if "rectangle" in entry and (turn := turn_of(axes[:, 0], axes[:, 2])):
+                entry["turn"] = turn
+            entry["speed"] = float(emitter.get("velocity", SPEED))
+            if start := float(emitter.get("emitStartTime", 0)):
+                entry["from"] = start
+            if end < FOREVER:
+                entry["until"] = round(end, 9)
+            taps.append(entry)
+        return taps
 
     def beside(self, name: str) -> Path:
         """The path of a converted file, in a folder beside the new scene."""
@@ -290,6 +325,21 @@ def import_scene(source: Path, out: Path) -> ImportedScene:
         if isinstance(error, InputError):
             raise
         raise InputError(f"{source}: is no scene of SPlisHSPlasH ({' '.join(str(error).split())})") from None
+
+
+def rigid_body(body: Json, placement: Placement) -> dict[str, Any]:
+    """The keys of a rigid body that moves freely. Friction and rebound are ours.
+
+    Raises:
+        ValueError: it has no density.
+    """
+    if "density" not in body:
+        raise ValueError(f"the rigid body {body.get('geometryFile')} moves freely and has no density")
+    entry: dict[str, Any] = {"density": float(body["density"])}
+    for theirs, ours in (("velocity", "velocity"), ("angularVelocity", "angular_velocity")):
+        if any(value := placement.vector(vector_of(body.get(theirs, [0, 0, 0]), theirs))):
+            entry[ours] = value
+    return entry
 
 
 def viscosity_of(material: Json) -> float | None:

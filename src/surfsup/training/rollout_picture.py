@@ -7,10 +7,9 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from surfsup.evaluation.rollout import roll_out
+from surfsup.evaluation.rollout import environment_of, roll_out
 from surfsup.io.trajectory import Trajectory
 from surfsup.learned.base import LearnedSimulator
-from surfsup.sph.environment import Environment
 from surfsup.viewing.trajectory_pictures import TrajectoryRenderer
 
 MOMENTS = 3
@@ -34,7 +33,7 @@ def draw_rollout(model: LearnedSimulator, path: Path, frames: int, handle_collis
     with Trajectory(path) as truth:
         frames = min(frames, len(truth))
         chosen = sorted({round(number * (frames - 1) / MOMENTS) for number in range(1, MOMENTS + 1)})
-        environment = Environment.of(truth.scene, truth.scene.build_surface(), device)
+        environment = environment_of(truth, device)
         rollout, predicted = roll_out(model, truth, environment, frames, handle_collisions), {}
         for number, (state, _) in enumerate(rollout):
             if number in chosen:

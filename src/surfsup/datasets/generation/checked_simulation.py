@@ -37,7 +37,7 @@ class CheckedSimulation:
         scene: the scene.
         solids: of the scene.
         rejections: reasons why earlier scenes of the same index were rejected, one line each.
-        moments: of the frames so far, for the statistics of the data set.
+        moments: of the frames so far, for the statistics of the data set, in the units of the simulators.
     """
 
     def __init__(
@@ -68,7 +68,8 @@ class CheckedSimulation:
         with closing(solver.simulate(self.scene, self.solids.still, self._start)) as frames:
             while batch := list(islice(frames, FRAMES_PER_CHECK)):
                 positions, velocities = (
-                    np.ascontiguousarray(np.stack(part).swapaxes(1, 2), float) for part in zip(*batch, strict=True)
+                    np.ascontiguousarray(np.stack(part).swapaxes(1, 2), float)
+                    for part in zip(*(self.scene.units.frame_to_solver(*frame) for frame in batch), strict=True)
                 )
                 check.check(positions, velocities)
                 accumulator.update(positions, velocities)

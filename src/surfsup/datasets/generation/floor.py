@@ -18,7 +18,7 @@ from surfsup.datasets.generation.checked_simulation import CheckedSimulation, wi
 from surfsup.datasets.generation.physical_check import UnphysicalError
 from surfsup.datasets.generation.progress_estimate import ProgressEstimate
 from surfsup.datasets.generation.worker_pool import open_worker_pool, until_canceled
-from surfsup.datasets.units import check_units
+from surfsup.datasets.units import check_simulator_frames
 from surfsup.errors import InputError
 from surfsup.io.trajectory import Provenance, Trajectory, TrajectoryWriter
 from surfsup.scene import Block, Fluid, InitialParticles, Scene
@@ -27,7 +27,7 @@ from surfsup.splishsplash import solver
 from surfsup.splishsplash.entering_water import with_ids
 
 FOLDER = "floor"
-SHIFT = 0.001  # meters
+SHIFT = 0.001  # meters, with particles of 15 mm; in proportion with others
 AXES = 3  # one run for each axis that the water moves along
 
 
@@ -113,11 +113,11 @@ def check_repeatable(path: Path, trajectory: Trajectory) -> None:
     """Check that the floor can run a scene again.
 
     Raises:
-        InputError: it continues another trajectory, or has another frame time or particle radius.
+        InputError: it continues another trajectory, or its frames are not those of the simulators.
     """
     if trajectory.scene.restart is not None:
         raise InputError(f"{path}: continues another trajectory (restart), so the floor cannot run it; move it away")
-    check_units(path, trajectory)
+    check_simulator_frames(path, trajectory)
 
 
 def is_finished(folder: Path, original: Path, axis: int) -> bool:
@@ -138,7 +138,7 @@ def is_finished(folder: Path, original: Path, axis: int) -> bool:
 
 def shifted_scene(reference: Trajectory, axis: int) -> Scene:
     """The scene of ``reference`` with its water 1 mm further along ``axis``."""
-    x, y, z = (SHIFT * np.eye(3)[axis]).tolist()
+    x, y, z = shift_along(reference.scene, axis).tolist()
 
     def shifted(entry: Fluid) -> Fluid:
         if entry.block is None:
@@ -153,13 +153,17 @@ def shifted_scene(reference: Trajectory, axis: int) -> Scene:
     return reference.scene.model_copy(update={"fluid": fluid, "taps": taps, "frames": len(reference)})
 
 
-def shifted_particles(start: InitialParticles, axis: int) -> InitialParticles:
-    """The same particles, 1 mm further along ``axis``.
+def shift_along(scene: Scene, axis: int) -> np.ndarray:
+    """The shift (3,) along ``axis``, meters."""
+    return scene.units.length * SHIFT * np.eye(3)[axis]
+
+
+def shifted_particles(start: InitialParticles, shift: np.ndarray) -> InitialParticles:
+    """The same particles, moved by ``shift`` (3,) in meters.
 
     The shifted scene itself could start with a particle more or less because of the solid, which would make the two
     runs incomparable.
     """
-    shift = SHIFT * np.eye(3)[axis]
     return InitialParticles(
         [(block + shift).astype(np.float32) for block in start.block_positions], start.block_velocities, start.excluded
     )
@@ -177,7 +181,7 @@ def simulate_shifted(original: Path, axis: int) -> float | None:
         return None
     with Trajectory(original) as reference:
         scene, solids = shifted_scene(reference, axis), build_solids(reference.scene)
-        start = shifted_particles(reference.scene.initial_particles(solids.at_time(0.0)), axis)
+        start = shifted_particles(reference.scene.initial_particles(solids.at_time(0.0)), shift_along(scene, axis))
 
     def write(simulation: CheckedSimulation) -> None:
         with (

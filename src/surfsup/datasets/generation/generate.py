@@ -15,7 +15,6 @@ from surfsup.datasets.generation.scene_sampler import SceneSampler
 from surfsup.datasets.generation.worker_pool import open_worker_pool, until_canceled
 from surfsup.errors import InputError, SimulationError
 from surfsup.io.trajectory import Provenance, TrajectoryWriter
-from surfsup.scene import FRAME_TIME
 from surfsup.splishsplash import solver
 from surfsup.splishsplash.entering_water import with_ids
 
@@ -122,7 +121,9 @@ def simulate_to_file(sampler: SceneSampler, index: int) -> float | None:
             TrajectoryWriter(path, simulation.scene, provenance, simulation.particles) as writer,
         ):
             for number, frame in enumerate(until_canceled(iter(simulation))):
-                writer.append(*with_ids(simulation.scene, *frame, simulation.solids.poses(number * FRAME_TIME)))
+                writer.append(
+                    *with_ids(simulation.scene, *frame, simulation.solids.poses(number * simulation.scene.frame_time))
+                )
             write_record(writer, sampler, index, simulation)
 
     simulate_valid_scene(sampler, index, write)

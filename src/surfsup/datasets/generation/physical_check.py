@@ -32,13 +32,16 @@ class UnphysicalError(Exception):
 class PhysicalCheck:
     """Checks the frames of one simulation in their order, several at a time.
 
-    Frames are (K, 3, N) float64, one row for each axis, because sums along memory are ten times faster. Where water
-    enters or leaves, particles that are not in the scene have NaN.
+    Frames are (K, 3, N) float64, one row for each axis, because sums along memory are ten times faster. They are in the
+    units of the simulators (:class:`surfsup.scene.Units`). Where water enters or leaves, particles that are not in the
+    scene have NaN.
     """
 
     def __init__(self, scene: Scene, solids: Solids) -> None:
         """Prepare for a simulation of ``scene`` with ``solids``."""
-        self._lower, self._upper = (np.array(corner) for corner in (scene.container.lower, scene.container.upper))
+        solids = scene.units.solids_to_solver(solids)
+        container = scene.units.scene_to_solver(scene).container
+        self._lower, self._upper = (np.array(corner) for corner in (container.lower, container.upper))
         self._gravity = np.array(scene.gravity)
         self._penetration = None if solids.still is None else PenetrationCheck(solids.still)
         self._solids = solids

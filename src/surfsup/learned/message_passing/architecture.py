@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
+
+MAX_RADIUS = 0.15  # meters: some 500 neighbors a particle; beyond it, the edges of a few thousand fill a memory
 
 
 @dataclass(frozen=True)
@@ -32,8 +33,8 @@ class MessagePassingArchitecture:
     def __post_init__(self) -> None:
         require_count("width", self.width, 4096)
         require_count("layers", self.layers, 100)
-        if not isinstance(self.radius, float) or not 0 < self.radius < math.inf:
-            raise ValueError(f"radius is {self.radius!r}")
+        if not isinstance(self.radius, float) or not 0 < self.radius <= MAX_RADIUS:
+            raise ValueError(f"radius is {self.radius!r}, which is not from 0 to {MAX_RADIUS:g} m")
         require_count("features", self.features, 2)
 
 

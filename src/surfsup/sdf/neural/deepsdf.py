@@ -10,6 +10,7 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
+from surfsup.checked.tensors import load_weights, whole_number
 from surfsup.errors import InputError
 from surfsup.sdf.neural import surface_file
 from surfsup.sdf.neural.deepsdf_decoder import DecoderSizes, DeepSdfDecoder
@@ -19,6 +20,7 @@ from surfsup.sdf.neural.surface import NeuralSurface
 
 REACH = 1.06  # half the side of the cube in which the zero set of any code is extracted
 CHUNK = 8192  # points per evaluation
+MAX_SIZE = 1 << 14
 MAX_OCTAVES = 16  # beyond it, single precision hardly resolves the sine of a position
 
 
@@ -138,6 +140,10 @@ def load_deepsdf(path: Path) -> DeepSdf:
     try:
         sizes, codes = DecoderSizes(**header["sizes"]), tensors["codes"]
         weights = present_names(surface_file.with_prefix(tensors, "network."))
+        for name in ("width", "layers", "code", "octaves"):
+            whole_number(name, getattr(sizes, name), 0, MAX_SIZE)
+        if not codes.is_floating_point() or codes.ndim != 2:
+            raise ValueError("its codes are no table of numbers")
         consistent = (sizes.width, sizes.code) == (weights["last.weight"].shape[1], codes.shape[1])
         if not consistent or sizes.layers > len(weights) or sizes.octaves > MAX_OCTAVES:
             raise ValueError(f"the header gives {sizes}")
@@ -145,8 +151,8 @@ def load_deepsdf(path: Path) -> DeepSdf:
         if len(names) != len(codes) or not names:
             raise ValueError(f"{len(names)} names for {len(codes)} codes")
         network = DeepSdfDecoder(sizes)
-        network.load_state_dict(weights)
-        shapes = DeepSdf(network, codes, names, header["about"], str(path))
+        load_weights(network, weights)
+        shapes = DeepSdf(network, codes.float(), names, header["about"], str(path))
     except (KeyError, TypeError, ValueError, RuntimeError, AttributeError) as error:
         raise surface_file.architecture_error(path, error) from None
     return shapes.eval().requires_grad_(False)

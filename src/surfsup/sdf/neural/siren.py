@@ -9,6 +9,7 @@ from typing import Any
 import torch
 from torch import Tensor
 
+from surfsup.checked.tensors import finite_number, load_weights, whole_number
 from surfsup.sdf.grid import SdfGrid
 from surfsup.sdf.neural import surface_file
 from surfsup.sdf.neural.native_layers import NativeLayers
@@ -18,6 +19,7 @@ from surfsup.sdf.neural.surface import NeuralSurface
 from surfsup.sdf.surface import Surface
 from surfsup.sdf.transform import Transformed
 
+MAX_LAYERS = 100
 CHUNK = 4096  # points per evaluation, so that the activations of a layer stay in the processor's cache
 
 
@@ -119,17 +121,18 @@ def load_siren(path: Path) -> SirenSurface:
     header, tensors = surface_file.read(surface_path(path), surface_file.SIREN)
     try:
         sizes = SirenSizes(**header["sizes"])
+        whole_number("layers", sizes.layers, 1, MAX_LAYERS)
+        finite_number("frequency", sizes.frequency, 1e-3, 1e4)
         weights = surface_file.with_prefix(tensors, "network.")
         if sizes.width != len(weights["last"]) or sizes.layers >= len(weights):
             raise ValueError(f"the header gives {sizes}")
         network = sizes.network()
-        network.load_state_dict(weights)
+        load_weights(network, weights)
         grid = None
         if "lattice.values" in tensors:
-            grid = SdfGrid.from_distances(tensors["lattice.values"], tensors["lattice.lower"], float(header["cell"]))
-        surface = SirenSurface(
-            network, tensors["bounds"].reshape(2, 3), grid, normalization(header["cube"]), header["about"]
-        )
+            grid = surface_file.checked_grid(tensors["lattice.values"], tensors["lattice.lower"], header["cell"])
+        bounds = surface_file.checked_bounds(tensors["bounds"])
+        surface = SirenSurface(network, bounds, grid, normalization(header["cube"]), header["about"])
     except (KeyError, TypeError, ValueError, RuntimeError, AttributeError) as error:
         raise surface_file.architecture_error(path, error) from None
     return surface.eval().requires_grad_(False)
@@ -137,5 +140,5 @@ def load_siren(path: Path) -> SirenSurface:
 
 def normalization(header: dict[str, Any]) -> Normalization:
     """The normalization in a file's header; version 0.1 wrote ``centre``."""
-    x, y, z = header.get("center") or header["centre"]
-    return Normalization((x, y, z), float(header["scale"]))
+    x, y, z = (finite_number("the center", value) for value in header.get("center") or header["centre"])
+    return Normalization((x, y, z), finite_number("the scale", header["scale"], 1e-30, 1e30))

@@ -6,13 +6,15 @@ import json
 from pathlib import Path
 from typing import Any
 
-import torch
 from safetensors import SafetensorError, safe_open
 from safetensors.torch import save_file
 from torch import Tensor
 
+from surfsup.checked.tensors import finite_number, read_tensors
 from surfsup.errors import InputError
+from surfsup.sdf.grid import SdfGrid
 
+MAX_BOUND = 4.0  # of coordinates in units of the cube, whose side is 2
 SUFFIX = ".safetensors"
 SIREN = "surfsup-siren-1"
 DEEPSDF = "surfsup-deepsdf-1"
@@ -63,14 +65,10 @@ def read(path: Path, kind: str) -> tuple[dict[str, Any], dict[str, Tensor]]:
             f"make one with '{COMMANDS[kind]}'"
         )
     try:
-        with safe_open(path, framework="pt") as file:
-            names = file.keys()  # the file itself is not a mapping
-            tensors = {name: file.get_tensor(name) for name in names}
+        tensors = read_tensors(path)
         header = json.loads(metadata["surface"])
-    except (SafetensorError, OSError, KeyError, ValueError) as error:
-        raise InputError(f"{path}: its header or its tensors are damaged ({one_line(error)})") from None
-    if not all(bool(torch.isfinite(tensor).all()) for tensor in tensors.values()):
-        raise InputError(f"{path}: has numbers that are not finite (NaN or infinity); fit it again")
+    except (SafetensorError, OSError, KeyError, ValueError, RecursionError) as error:
+        raise InputError(f"{path}: its header or its tensors are damaged ({one_line(error)}); fit it again") from None
     if not isinstance(header, dict):
         raise InputError(f"{path}: its header is damaged (it is not a mapping)")
     return header, tensors
@@ -93,6 +91,34 @@ def read_metadata(path: Path) -> dict[str, str]:
         ) from None
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror or error}") from None
+
+
+def checked_bounds(bounds: Tensor) -> Tensor:
+    """The box (2, 3) of a solid in its cube of side 2.
+
+    Raises:
+        ValueError: it is no box, or another one.
+    """
+    if not bounds.is_floating_point() or bounds.numel() != 6:
+        raise ValueError("bounds are no two corners")
+    lower, upper = bounds.reshape(2, 3)
+    if not bool((upper > lower).all()) or float(bounds.abs().max()) > MAX_BOUND:
+        raise ValueError(f"bounds are from {lower.tolist()} to {upper.tolist()}")
+    return bounds.reshape(2, 3)
+
+
+def checked_grid(values: Tensor, lower: Tensor, cell: Any) -> SdfGrid:
+    """The grid of distances (X, Y, Z) from the corner ``lower`` (3,).
+
+    Raises:
+        ValueError: they are no grid.
+    """
+    cell = finite_number("the cell", cell, 1e-3, MAX_BOUND)
+    if not (values.is_floating_point() and lower.is_floating_point() and lower.shape == (3,)):
+        raise ValueError("the grid holds no numbers")
+    if values.ndim != 3 or min(values.shape) < 3 or float(lower.abs().max()) > MAX_BOUND:
+        raise ValueError(f"the grid has the shape {tuple(values.shape)} and begins at {lower.tolist()}")
+    return SdfGrid.from_distances(values, lower, cell)
 
 
 def architecture_error(path: Path, error: Exception) -> InputError:

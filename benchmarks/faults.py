@@ -1,0 +1,82 @@
+"""The fault campaign: damaged files, kills, full disks, missing libraries and more, each run of `surfsup` evaluated.
+
+    python benchmarks/faults.py [--short] [--only mesh scene ...] [--seed 0] [--json out/faults.json]
+
+A run is right if it succeeds with a right result, or refuses in one line with exit status 2. A traceback, a signal, a
+hang of over 60 s, a silently wrong result, a lost or half-written file, and a file outside the folders that were named
+are faults of surfsup; the exit status is then 1. Every run is a child of this process, which has loaded the libraries
+before, so a run of a second takes a second. The same seed gives the same damage.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import shutil
+import sys
+import tempfile
+import time
+from collections import Counter
+from pathlib import Path
+
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+
+import numpy as np
+
+from fault_campaign.campaign import KINDS, run_case
+from fault_campaign.inputs import make_inputs
+from fault_campaign.preload import preload
+from fault_campaign.verdict import BAD
+
+
+def main() -> int:
+    """Run the campaign and print its table."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--short", action="store_true", help="a few of each kind, in some seconds")
+    parser.add_argument("--only", nargs="+", choices=list(KINDS), default=list(KINDS))
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--json", type=Path, help="where the results go; benchmarks/results/faults.json if all ran")
+    parser.add_argument("--keep", action="store_true", help="keep the folders of faults")
+    arguments = parser.parse_args()
+    began = time.monotonic()
+    work = Path(tempfile.mkdtemp(prefix="faults-"))
+    os.environ["SURFSUP_CACHE"] = str(work / "cache")
+    preload()
+    rows = []
+    try:
+        inputs = make_inputs(work / "inputs", light=arguments.short)
+        for kind in arguments.only:
+            random = np.random.default_rng([arguments.seed, list(KINDS).index(kind)])
+            count = KINDS[kind].short if arguments.short else KINDS[kind].count
+            for case in KINDS[kind].cases(random, count, inputs):
+                row = run_case(case, work / f"{kind}-{len(rows):04d}", arguments.keep)
+                rows.append(row)
+                if row["outcome"] in BAD:
+                    print(f"{row['outcome']}: {kind}: {row['name']}: {row['reason']}", flush=True)
+    finally:
+        if not arguments.keep:
+            shutil.rmtree(work, ignore_errors=True)
+    print(table(rows))
+    print(f"{len(rows)} runs in {time.monotonic() - began:.0f} s, seed {arguments.seed}")
+    if arguments.json:
+        arguments.json.parent.mkdir(parents=True, exist_ok=True)
+        arguments.json.write_text(json.dumps({"seed": arguments.seed, "rows": rows}, indent=1) + "\n")
+    return int(any(row["outcome"] in BAD for row in rows))
+
+
+def table(rows: list[dict[str, object]]) -> str:
+    """Outcomes by kind, as Markdown."""
+    kinds = list(dict.fromkeys(row["kind"] for row in rows))
+    counts = Counter((row["kind"], row["outcome"]) for row in rows)
+    outcomes = sorted({outcome for _, outcome in counts}, key=lambda name: (name in BAD, str(name)))
+    lines = [f"| kind | runs | {' | '.join(map(str, outcomes))} |", "|---" * (len(outcomes) + 2) + "|"]
+    for kind in kinds:
+        total = sum(row["kind"] == kind for row in rows)
+        numbers = " | ".join(str(counts[kind, outcome]) for outcome in outcomes)
+        lines.append(f"| {kind} | {total} | {numbers} |")
+    return "\n".join(lines)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
