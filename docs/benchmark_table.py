@@ -31,6 +31,7 @@ ROWS = (
     "physics_vessels",
     "physics_outflow",
     "physics_bucket",
+    "thin_cup",
     "dam_break",
     "stability",
 )

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from surfsup import Block, InputError, Scene, Simulation, Sphere, Trajectory, Transformed
+from surfsup import Block, Frame, InputError, Liquid, Scene, Simulation, Sphere, Trajectory, Transformed
 from surfsup.native.dispatch import is_built
 from surfsup.scene import FRAME_TIME
 from surfsup.sph.collision import CLEARANCE
@@ -197,3 +197,26 @@ def test_another_gravity_acts_from_the_next_step_on_and_stays():
     np.testing.assert_array_equal(simulation.step().velocities, fallen.velocities)
     with pytest.raises(InputError, match="three finite numbers"):
         simulation.set_gravity((0.0, float("nan"), 0.0))
+
+
+@pytest.mark.skipif(not is_built(), reason="liquids need the C++ code")
+def test_another_viscosity_acts_from_the_next_step_on_and_stays():
+    fluid = [Block((-0.1, -0.1, 0), (0.1, 0.1, 0.3))]
+    expected = last(Simulation(Scene(fluid=fluid, liquid=Liquid(viscosity=0.5), frames=30))).positions
+    simulation = Simulation(Scene(fluid=fluid, frames=30))
+    thin = last(simulation).positions
+    simulation.reset()
+    simulation.set_viscosity(0.5)
+    np.testing.assert_array_equal(last(simulation).positions, expected)
+    assert np.abs(thin - expected).max() > 0.02
+    simulation.reset()
+    simulation.set_viscosity(None)
+    np.testing.assert_array_equal(last(simulation).positions, thin)
+    with pytest.raises(InputError, match="greater than or equal to 0"):
+        simulation.set_viscosity(-1.0)
+
+
+def last(simulation: Simulation) -> Frame:
+    """The last frame of a simulation."""
+    *_, frame = simulation.run()
+    return frame

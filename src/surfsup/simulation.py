@@ -15,6 +15,7 @@ from surfsup.errors import InputError
 from surfsup.io.trajectory import Provenance, TrajectoryWriter
 from surfsup.learned.loading import DEFAULT_SIMULATOR, load_simulator
 from surfsup.scene import FRAME_TIME, InitialParticles, Scene
+from surfsup.scene.liquid import Liquid
 from surfsup.scene.pose import NO_ROTATION, Pose, between
 from surfsup.scene.solids import Solids
 from surfsup.scene.tap_checks import check_taps_and_drains
@@ -24,6 +25,7 @@ from surfsup.sph.crossings import CrossingCounter
 from surfsup.sph.device import choose_device
 from surfsup.sph.environment import Environment
 from surfsup.sph.interpolation import ROUNDING, hermite
+from surfsup.sph.liquid import LiquidForces
 from surfsup.sph.mean_forces import MeanForces
 from surfsup.sph.moving import FrameMotion, MovingSolids
 from surfsup.sph.open_water import OpenState, Passages, WithTaps, common_particles
@@ -148,6 +150,7 @@ class Simulation:
             raise InputError(f"{self.name} computes no forces on solids; use the simulator dfsph, or omit 'forces'")
         self._start_time = scene.start_time
         self._gravity: torch.Tensor | None = None  # of set_gravity
+        self._liquid = scene.liquid
         self.motion = SceneMotion(scene)
         if scene.is_open:
             check_taps_and_drains(scene, self.motion.solids)
@@ -295,10 +298,26 @@ class Simulation:
         self._gravity = torch.from_numpy(vector).to(self._device)
         self._environment = replace(self._environment, gravity=self._gravity)
 
+    def set_viscosity(self, viscosity: float | None) -> None:
+        """Let the liquid have another kinematic viscosity from the next step on; :meth:`reset` keeps it.
+
+        Args:
+            viscosity: m²/s; None for what the solver needs for calm water.
+
+        Raises:
+            InputError: it is negative or not finite, or the simulator knows no liquids.
+        """
+        liquid = Liquid(**{**dict(self._liquid or Liquid()), "viscosity": viscosity})
+        forces = LiquidForces.of(self._units.liquid_to_solver(liquid))
+        environment = replace(self._environment, liquid=forces)
+        self._simulator.check_knows(environment)
+        self._liquid, self._environment = liquid, environment
+
     def _make_environment(self, scene_solids: Solids) -> Environment:
         solids = self._units.solids_to_solver(scene_solids, self._start_time)
         solver_scene = self._units.scene_to_solver(self.scene)
         environment = Environment.of(solver_scene, solids.still, self._device, solids)
+        environment = replace(environment, liquid=LiquidForces.of(self._units.liquid_to_solver(self._liquid)))
         if self._gravity is not None:
             environment = replace(environment, gravity=self._gravity)
         self._simulator.check_knows(environment)

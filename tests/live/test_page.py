@@ -135,6 +135,10 @@ def test_water_is_poured_recorded_and_tilted_and_the_solid_moves(served, page):
         tilt.press("ArrowRight")
     wait_for(lambda: world._gravity[0] < -0.1)
 
+    page.get_by_role("combobox", name="viscosity").click()
+    page.get_by_role("option", name="0.3 m²/s").click()
+    wait_for(lambda: world.simulation._liquid is not None and world.simulation._liquid.viscosity == 0.3)
+
     page.get_by_role("combobox", name="radius").click()
     page.get_by_role("option", name="20 mm").click()
     wait_for(lambda: world.scene.particle_radius == 0.02)

@@ -69,6 +69,20 @@ def test_tilted_gravity_takes_the_water_aside_until_the_reset(world):
     assert frame.velocities[:, 2].mean() < -0.3 and abs(frame.velocities[:, 0].mean()) < 0.1
 
 
+def test_a_viscous_liquid_slows_down_until_the_reset(world):
+    def energy() -> float:
+        for _ in range(80):
+            frame = world.step()
+        return float((frame.velocities**2).sum(1).mean())
+
+    thin = energy()
+    world.reset()
+    world.set_viscosity(1.0)
+    assert energy() < 0.5 * thin
+    world.reset()
+    assert energy() == pytest.approx(thin)
+
+
 def test_the_solid_follows_and_returns_at_a_reset(world):
     world.move(SOLID, Pose.of((0.1, 0, 0.1)))
     for _ in range(50):

@@ -30,6 +30,7 @@ SOLID_COLOR, WATER_COLOR, EDGE_COLOR = (205, 125, 80), (60, 150, 215), (90, 100,
 SOLID_RESOLUTION = 96  # cells of marching cubes
 COARSE_SURFACE = Reconstruction(cube_size=1.1, mesh_smoothing=8, normal_smoothing=3)
 PARTICLES, SURFACE = "particles", "surface"
+VISCOSITIES = {"as the scene has it": None, **{f"{value:g} m²/s": value for value in (0.03, 0.1, 0.3, 1.0)}}
 RADII = {f"{radius} mm": radius / 1000 for radius in (10, 12, 15, 20, 25)}
 
 
@@ -167,6 +168,8 @@ class LivePage:
             sizes = RADII if label in RADII else {label: world.scene.particle_radius, **RADII}
             radius = gui.add_dropdown("radius", tuple(sizes), initial_value=label)
             radius.on_update(lambda _: self._send(lambda world: self._restart(world, sizes[radius.value])))
+            self._viscosity: Any = gui.add_dropdown("viscosity", tuple(VISCOSITIES))
+            self._viscosity.on_update(lambda _: self._send(self._set_viscosity))
 
     def _button(self, label: str, command: Command) -> Any:
         button = self._server.gui.add_button(label)
@@ -190,11 +193,18 @@ class LivePage:
         world.reset()
         for tilt in self._tilts:
             tilt.value = 0.0
+        self._viscosity.value = next(iter(VISCOSITIES))
         self._show_start(world)
         return "back at the start"
 
+    def _set_viscosity(self, world: LiveWorld) -> None:
+        chosen = VISCOSITIES[self._viscosity.value]
+        own = None if world.scene.liquid is None else world.scene.liquid.viscosity
+        world.set_viscosity(own if chosen is None else chosen)
+
     def _restart(self, world: LiveWorld, radius: float) -> str:
         world.set_particle_radius(radius)
+        self._set_viscosity(world)
         self._show_start(world)
         return f"{len(world.frame.positions):,} particles of {1000 * radius:g} mm"
 

@@ -130,6 +130,10 @@ class LiveWorld:
         self._gravity = gravity
         self.simulation.set_gravity(gravity)
 
+    def set_viscosity(self, viscosity: float | None) -> None:
+        """Let the liquid have another kinematic viscosity in m²/s, None for the solver's own, until the reset."""
+        self.simulation.set_viscosity(viscosity)
+
     def move(self, name: str, pose: Pose) -> None:
         """Let a surface move to a pose, no faster than water can follow."""
         self._targets[name] = pose
@@ -148,13 +152,14 @@ class LiveWorld:
         self.set_gravity(gravity)
 
     def reset(self) -> None:
-        """Return to the start: its water, its poses and its gravity."""
+        """Return to the start: its water, its poses, its gravity and its viscosity."""
         self.stop_recording()
         self._targets = {name: self._rest[name] for name in self.movable}
         for name, pose in self._targets.items():
             self._place(name, pose)
         self.simulation.reset()
         self.set_gravity(self.scene.gravity)
+        self.set_viscosity(None if self.scene.liquid is None else self.scene.liquid.viscosity)
 
     @property
     def recording(self) -> Path | None:

@@ -10,12 +10,33 @@ import torch
 from pydantic import Field, model_validator
 
 from surfsup.errors import InputError
-from surfsup.scene.strict_model import Density, StrictModel, Vector, Velocity
+from surfsup.scene.strict_model import Density, Finite, StrictModel, Vector, Velocity
 from surfsup.sdf import Surface
 
 CELLS = 48  # along the longest side of the box in which volume and inertia are summed
 DEFAULT_DENSITY = 500.0  # kg/m³
 Positive = Annotated[float, Field(gt=0, le=1e12, allow_inf_nan=False)]
+
+
+class Axle(StrictModel):
+    """A fixed axis that a body can only turn about, as a wheel or a door.
+
+    Attributes:
+        axis: its direction in the world, of any length but zero.
+        point: a point on it in the world, meters; by default the center of mass at the start.
+        damping: torque that brakes the turn, N m s.
+    """
+
+    axis: Vector
+    point: Vector | None = None
+    damping: Annotated[Finite, Field(ge=0)] = 0.0
+
+    @model_validator(mode="after")
+    def check_axis(self) -> Axle:
+        """Require an axis."""
+        if not any(self.axis):
+            raise ValueError("axis must not be zero")
+        return self
 
 
 class RigidBody(StrictModel):
@@ -28,6 +49,7 @@ class RigidBody(StrictModel):
         inertia: moments about the axes of the surface through the center of mass, kg m²; by default of the volume.
         velocity: at the start, m/s.
         angular_velocity: at the start, rad/s.
+        axle: a fixed axis that it turns about; without one it moves freely.
     """
 
     density: Density | None = None
@@ -36,6 +58,7 @@ class RigidBody(StrictModel):
     inertia: tuple[Positive, Positive, Positive] | None = None
     velocity: Velocity = (0.0, 0.0, 0.0)
     angular_velocity: Velocity = (0.0, 0.0, 0.0)
+    axle: Axle | None = None
 
     @model_validator(mode="after")
     def check_values(self) -> RigidBody:
@@ -44,6 +67,8 @@ class RigidBody(StrictModel):
             raise ValueError("give either density or mass, not both")
         if self.inertia is not None and 2 * max(self.inertia) > (1 + 1e-9) * sum(self.inertia):
             raise ValueError("inertia: no moment may exceed the sum of the other two")
+        if self.axle is not None and any(self.velocity):
+            raise ValueError("a body on an axle has no velocity of its own; give angular_velocity, or omit axle")
         return self
 
 

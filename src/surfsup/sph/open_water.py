@@ -31,7 +31,7 @@ class OpenState:
         fluid: their positions and velocities.
         ids: (N,) int64, ascending. A particle keeps its id, and no other gets it later.
         next_id: of the next particle that enters.
-        frame: number of frames since the start.
+        frame: number of frames since the start; beside rigid bodies a frame is computed in parts.
         layers: those that taps still guide.
         drained: number of particles that drains have taken and no tap has given back.
     """
@@ -39,7 +39,7 @@ class OpenState:
     fluid: ParticleState
     ids: np.ndarray
     next_id: int
-    frame: int = 0
+    frame: float = 0
     layers: tuple[Layer, ...] = ()
     drained: int = 0
 
@@ -176,8 +176,8 @@ class WithTaps(Simulator[OpenState]):
         if state.layers:
             environment = environment.supplied(self.passages.taps.energy(state.layers) / max(1, len(state.ids)))
         fluid, collided = self.simulator.step(state.fluid, environment, handle_collisions)
-        after = replace(state, fluid=fluid, frame=state.frame + 1)
         motion = self._carriers(environment)
+        after = replace(state, fluid=fluid, frame=round(state.frame + motion.seconds / FRAME_TIME, 6))
         after = self._guided(after, motion, environment.gravity)
         kept = self._kept(state, after, motion)
         after = replace(after.only(kept), drained=after.drained + int((~kept).sum()))
@@ -208,10 +208,10 @@ class WithTaps(Simulator[OpenState]):
             positions, velocities = state.positions.clone(), state.velocities.clone()
             for layer in state.layers:
                 if not self.passages.taps.guides(layer, state.time):
-                    free = min(FRAME_TIME, state.time - layer.time - self.passages.taps.nozzles[layer.tap].guide)
+                    free = min(motion.seconds, state.time - layer.time - self.passages.taps.nozzles[layer.tap].guide)
                     index = torch.from_numpy(rows_of(layer.ids, state.ids)[0]).to(positions.device)
-                    positions[index] -= 0.5 * (FRAME_TIME**2 - free**2) * gravity
-                    velocities[index] -= (FRAME_TIME - free) * gravity
+                    positions[index] -= 0.5 * (motion.seconds**2 - free**2) * gravity
+                    velocities[index] -= (motion.seconds - free) * gravity
                     continue
                 place, velocity = self.passages.taps.place(layer, state.time, motion)
                 rows, there = rows_of(layer.ids, state.ids)

@@ -54,15 +54,22 @@ class RigidBodies:
             end: those of what does not move freely, after it.
             time: of the frame, seconds.
         """
-        bodies = [body for body in self.bodies if body.name in states]
+        hinged = self._turned(states, time)
+        end = {**end, **{name: state.pose for name, state in hinged.items()}}
+        bodies = [body for body in self.bodies if body.name in states and body.name not in hinged]
         falling = [body.accelerated(states[body.name], self.gravity, time) for body in bodies]
         contacts = Contacts(bodies, falling, self._obstacles(bodies, solids, start, end, time), time)
         contacts.solve()
-        moved = {}
+        moved = dict(hinged)
         for number, (body, state) in enumerate(zip(bodies, falling, strict=True)):
             stopped = replace(state, velocity=contacts.velocity[number], angular_velocity=contacts.spin[number])
             moved[body.name] = body.moved(stopped, time)
         return moved
+
+    def _turned(self, states: States, time: float) -> dict[str, BodyState]:
+        """The states of the bodies on axles after a frame. They push free bodies aside, and nothing stops them."""
+        hinged = [body for body in self.bodies if body.name in states and body.axle is not None]
+        return {body.name: body.moved(body.accelerated(states[body.name], self.gravity, time), time) for body in hinged}
 
     def pushed(self, states: States, wrenches: Mapping[str, Wrench]) -> dict[str, BodyState]:
         """The states with the accelerations that follow from the forces of the fluid in the frame that ends there."""
@@ -116,6 +123,8 @@ class RigidBodies:
         """Refuse bodies that begin inside walls or solids."""
         poses = solids.poses(0.0)
         for body in self.bodies:
+            if body.axle is not None:
+                continue  # it may turn about a post
             points = poses[body.name].apply(body.points)
             allowed = -OVERLAP * body.radius
             if (depth := self._walls(points, poses.get(CONTAINER, Pose.of()))[0].min()) < allowed:

@@ -19,7 +19,7 @@ import torch
 
 from surfsup.scene import quaternion
 from surfsup.scene.pose import Pose
-from surfsup.scene.rigid_body import MassProperties
+from surfsup.scene.rigid_body import Axle, MassProperties
 from surfsup.scene.solids import MovingSolid
 from surfsup.scene.wrench import Wrench
 
@@ -45,6 +45,35 @@ class BodyState:
     angular_acceleration: np.ndarray
 
 
+@dataclass(frozen=True)
+class AxleMotion:
+    """A fixed axis that a body turns about.
+
+    Attributes:
+        axis: (3,) unit vector.
+        point: (3,) on it, meters.
+        damping: of the turn, N m s.
+    """
+
+    axis: np.ndarray
+    point: np.ndarray
+    damping: float
+
+    @classmethod
+    def of(cls, axle: Axle, center: np.ndarray) -> AxleMotion:
+        """That of a scene file, for a body with its ``center`` (3,) of mass there at the start."""
+        axis = np.array(axle.axis) / np.linalg.norm(axle.axis)
+        return cls(axis, center if axle.point is None else np.array(axle.point), axle.damping)
+
+    def along(self, vector: np.ndarray) -> np.ndarray:
+        """The part (3,) of a vector along the axis."""
+        return (self.axis @ vector) * self.axis
+
+    def velocity(self, spin: np.ndarray, place: np.ndarray) -> np.ndarray:
+        """The velocity (3,) of a ``place`` (3,) of a body that turns at ``spin`` (3,)."""
+        return np.cross(spin, place - self.point)
+
+
 class Body:
     """A rigid body in the units of the scene.
 
@@ -57,6 +86,7 @@ class Body:
         mass: its mass properties.
         points: (K, 3) on its surface, in its frame.
         radius: the largest distance of a point from the center of mass, meters.
+        axle: the axis that it turns about, or None.
 
     Raises:
         InputError: the surface has no volume.
@@ -75,11 +105,15 @@ class Body:
         virtual = 8 / 3 * fluid_density * radius**3
         self.share = self.mass.mass / (self.mass.mass + virtual)
         self.virtual_inertia = 2 / 5 * virtual * radius**2 * np.eye(3)
+        self.axle = None if solid.body.axle is None else AxleMotion.of(solid.body.axle, self.center(solid.pose(0.0)))
 
     def start(self) -> BodyState:
         """The state at the start of the scene."""
         assert self.solid.body is not None
         velocity, spin = (np.array(v) for v in (self.solid.body.velocity, self.solid.body.angular_velocity))
+        if self.axle is not None:
+            spin = self.axle.along(spin)
+            velocity = self.axle.velocity(spin, self.center(self.solid.pose(0.0)))
         return BodyState(self.solid.pose(0.0), velocity, spin, np.zeros(3), np.zeros(3))
 
     def center(self, pose: Pose) -> np.ndarray:
@@ -90,9 +124,21 @@ class Body:
         """The moments of inertia (3, 3) about the center of mass, along the axes of the world."""
         return pose.matrix @ self.mass.inertia @ pose.matrix.T
 
+    def _inertia_about_axle(self, pose: Pose) -> float:
+        """The moment of inertia about the axle, kg m²."""
+        assert self.axle is not None
+        arm = np.cross(self.axle.axis, self.center(pose) - self.axle.point)
+        return float(self.axle.axis @ self.inertia(pose) @ self.axle.axis + self.mass.mass * (arm @ arm))
+
     def accelerated(self, state: BodyState, gravity: np.ndarray, time: float) -> BodyState:
         """The state with the velocities after ``time`` seconds, still at its pose."""
         inertia, spin = self.inertia(state.pose), state.angular_velocity
+        if self.axle is not None:
+            torque = np.cross(self.center(state.pose) - self.axle.point, self.mass.mass * gravity)
+            turning = self.axle.along(torque - self.axle.damping * spin) / self._inertia_about_axle(state.pose)
+            spin = spin + time * (state.angular_acceleration + turning)
+            velocity = self.axle.velocity(spin, self.center(state.pose))
+            return replace(state, velocity=velocity, angular_velocity=spin)
         gyroscopic = np.linalg.solve(inertia, -np.cross(spin, inertia @ spin))
         return replace(
             state,
@@ -102,15 +148,23 @@ class Body:
 
     def moved(self, state: BodyState, time: float) -> BodyState:
         """The state at the pose after ``time`` seconds with its velocities: semi-implicit Euler."""
-        center = self.center(state.pose) + time * state.velocity
         turn = quaternion.exponential(time * state.angular_velocity)
         rotation = quaternion.normalized(quaternion.product(turn, state.pose.rotation))
+        if self.axle is not None:
+            arm = quaternion.matrix(turn) @ (state.pose.position - self.axle.point)
+            return replace(state, pose=Pose(self.axle.point + arm, rotation))
+        center = self.center(state.pose) + time * state.velocity
         position = center - quaternion.matrix(rotation) @ self.mass.center
         return replace(state, pose=Pose(position, rotation))
 
     def pushed(self, state: BodyState, wrench: Wrench) -> BodyState:
         """The state whose accelerations by the fluid follow from the ``wrench`` of the frame that ends there."""
         force, torque = wrench
+        if self.axle is not None:
+            about = self.axle.along(torque + np.cross(state.pose.position - self.axle.point, force))
+            virtual = float(self.virtual_inertia[0, 0])
+            turning = (about + virtual * state.angular_acceleration) / (self._inertia_about_axle(state.pose) + virtual)
+            return replace(state, angular_acceleration=turning)
         torque = torque - np.cross(state.pose.matrix @ self.mass.center, force)
         inertia = self.inertia(state.pose)
         acceleration = self.share * force / self.mass.mass + (1 - self.share) * state.acceleration
