@@ -21,7 +21,7 @@ from surfsup.io.trajectory import Provenance, TrajectoryWriter
 
 RADIUS, WALL, HEIGHT = 0.11, 0.02, 0.3  # meters: of the inside of the cup
 BOWL = 0.82, 0.23  # meters: where the bowl is along x, and its radius
-SMOOTHING = 0.2  # of a new force in the mean that the arm feels: a frame of water alone is too noisy
+SMOOTHING = 0.2  # of a new force in the mean that the arm gets: a frame of water alone is too noisy
 ARM = f"""
 <mujoco>
   <option timestep="0.0005" gravity="0 0 -9.81" integrator="implicitfast"/>
@@ -68,7 +68,7 @@ class Record:
     Attributes:
         time: seconds.
         angles: (2,) of shoulder and wrist, rad.
-        force: (3,) of the water on the cup as the arm feels it, N.
+        force: (3,) of the water on the cup as the arm gets it, N.
         shoulder_torque: of the servo, N m.
         in_cup, in_bowl: shares of the water.
     """
