@@ -14,6 +14,7 @@ import argparse
 import json
 import os
 import shutil
+import signal
 import sys
 import tempfile
 import time
@@ -35,13 +36,15 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--short", action="store_true", help="a few of each kind, in some seconds")
     parser.add_argument("--only", nargs="+", choices=list(KINDS), default=list(KINDS))
+    parser.add_argument("--names", default="", help="a regular expression, of the cases to repeat")
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--json", type=Path, help="where the results go; benchmarks/results/faults.json if all ran")
+    parser.add_argument("--json", type=Path, help="where the results go")
     parser.add_argument("--keep", action="store_true", help="keep the folders of faults")
     arguments = parser.parse_args()
     began = time.monotonic()
     work = Path(tempfile.mkdtemp(prefix="faults-"))
     os.environ["SURFSUP_CACHE"] = str(work / "cache")
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # with the results so far
     preload(SHORT_MODULES if arguments.short else MODULES)
     rows = []
     try:
@@ -49,10 +52,12 @@ def main() -> int:
         for kind in arguments.only:
             random = np.random.default_rng([arguments.seed, list(KINDS).index(kind)])
             count = KINDS[kind].short if arguments.short else KINDS[kind].count
-            for row in KINDS[kind].rows(random, count, inputs, work / kind, arguments.keep):
+            for row in KINDS[kind].rows(random, count, inputs, work / kind, arguments.keep, arguments.names):
                 rows.append(row)
                 if row["outcome"] in BAD:
                     print(f"{row['outcome']}: {kind}: {row['name']}: {row['reason']}", flush=True)
+    except KeyboardInterrupt:
+        print("interrupted; the results so far:")
     finally:
         if not arguments.keep:
             shutil.rmtree(work, ignore_errors=True)

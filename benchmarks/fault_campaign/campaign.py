@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import shutil
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -32,11 +33,12 @@ class Kind:
     short: int
 
     def rows(
-        self, random: np.random.Generator, count: int, inputs: Inputs, work: Path, keep: bool
+        self, random: np.random.Generator, count: int, inputs: Inputs, work: Path, keep: bool, names: str
     ) -> Iterator[dict[str, Any]]:
-        """The results."""
+        """The results, of cases alone whose names match a regular expression."""
         for number, case in enumerate(self.cases(random, count, inputs)):
-            yield run_case(case, work / f"{number:04d}", keep)
+            if re.search(names, case.name):
+                yield run_case(case, work / f"{number:04d}", keep)
 
 
 @dataclass(frozen=True)
@@ -48,9 +50,9 @@ class Scenario:
     short: int
 
     def rows(
-        self, random: np.random.Generator, count: int, inputs: Inputs, work: Path, keep: bool
+        self, random: np.random.Generator, count: int, inputs: Inputs, work: Path, keep: bool, names: str
     ) -> Iterator[dict[str, Any]]:
-        """The results."""
+        """The results, of cases alone whose names match a regular expression."""
         yield from self.all_rows(random, count, inputs, work)
 
 

@@ -114,7 +114,9 @@ def kill(verb: Verb, folder: Path, moment: float, number: signal.Signals) -> tup
         return kind, ""
     again = surfsup([*verb.arguments, *verb.again], folder, without_graphics, LIMIT)
     next_kind, reason = verdict(again)
-    nothing_yet = next_kind == "refused" and ("nothing" in reason or "there is no" in reason or "has all" in reason or "has no frames" in reason)
+    nothing_yet = next_kind == "refused" and (
+        "nothing" in reason or "there is no" in reason or "has all" in reason or "has no frames" in reason
+    )
     if next_kind == "refused" and verb.again == ("--resume",) and nothing_yet:
         again = surfsup(verb.arguments, folder, without_graphics, LIMIT)
         next_kind, reason = verdict(again)

@@ -61,6 +61,7 @@ class Run:
             for source, target in ((nothing, 0), (self._files[0].fileno(), 1), (self._files[1].fileno(), 2)):
                 os.dup2(source, target)
             signal.signal(signal.SIGINT, signal.default_int_handler)
+            signal.signal(signal.SIGTERM, signal.SIG_DFL)
             resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
             sys.argv = ["surfsup", *arguments]
             if before is not None:

@@ -5,6 +5,7 @@ Counting them is independent of what the simulator and collision handling do, so
 
 from __future__ import annotations
 
+import math
 from itertools import chain
 
 import numpy as np
@@ -19,8 +20,8 @@ from surfsup.sph.moving import MovingBody
 from surfsup.sph.open_water import OpenState
 from surfsup.sph.simulator import FluidState
 
-# With collision handling both ends of a way are outside the clearance, but for creases; a shorter way is never traced.
-SHORTEST = 0.9 * CLEARANCE
+# With collision handling both ends of a way keep their clearance, but for creases: a way through a solid is longer.
+SHORTEST = 1.8 * CLEARANCE
 TOUCH = 1e-4  # meters: a way as near to the solid leads through it
 MAX_ADVANCES = 256  # along a way
 
@@ -48,14 +49,15 @@ class CrossingCounter:
             environment: with the motion of what moves in the step.
         """
         first, last = common_positions(before, after)
-        lengths = torch.linalg.vector_norm(last - first, dim=1)
-        fastest = float(lengths.max()) if len(lengths) else 0.0
+        starts, ends = (values.detach().cpu().float().numpy() for values in (first, last))
+        ways = ends - starts
+        squares = np.einsum("ij,ij->i", ways, ways)
+        fastest = math.sqrt(squares.max()) if len(squares) else 0.0
         motion = environment.motion
         displacements = [] if motion is None else motion.displacements
         if fastest + max(displacements, default=0.0) <= self._shortest:
             return 0
-        starts, ends, ways = (values.detach().cpu().float().numpy() for values in (first, last, lengths))
-        total = self._crossings_of_still(environment.surface, starts, ends, ways)
+        total = self._crossings_of_still(environment.surface, starts, ends, np.sqrt(squares))
         if motion is not None:
             for body, displacement in zip(motion.bodies, displacements, strict=True):
                 if fastest + displacement > self._shortest:
