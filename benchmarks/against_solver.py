@@ -33,6 +33,7 @@ from record import write_result
 from surfsup.learned.loading import DEFAULT_SIMULATOR
 from surfsup.scene import FRAME_TIME, Scene
 from surfsup.sph.boundary.scene_boundaries import scene_volume_maps
+from surfsup.sph.liquid import LiquidForces
 from surfsup.sph.state import SUBSTEPS
 from surfsup.splishsplash.job_files import write_job
 
@@ -113,6 +114,7 @@ def time_splishsplash(scene: Scene, adaptive: bool) -> Timing:
             start.block_positions,
             start.block_velocities,
             scene_volume_maps(scene, surface),
+            liquid=LiquidForces.of(scene.liquid),
         )
         if adaptive:
             job = json.loads(path.read_text())

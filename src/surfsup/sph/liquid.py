@@ -16,7 +16,7 @@ a kernel support aside from the nearest one.
 
 and **adhesion** pulls towards a solid with the kernel A of the same authors (N. Akinci, G. Akinci, M. Teschner,
 "Versatile Surface Tension and Adhesion for SPH Fluids", ACM Transactions on Graphics 32, 2013). The factors that
-turn N/m into their coefficients are measured (``benchmarks/physics.py drop``).
+turn N/m into their coefficients are measured (``benchmarks/physics_of_liquids.py``).
 """
 
 from __future__ import annotations
