@@ -3,12 +3,14 @@
 PYTHON ?=
 export PYTHON
 
-.PHONY: help demo test docs bench wheel release corrected surfaces design setup clean
+.PHONY: help demo test docs bench faults sanitize wheel release corrected surfaces design setup clean
 help:
 	@echo "make demo     water on a knot: a page and a video in out/demo"
 	@echo "make test     style, types, import rules, all tests, and the documentation"
 	@echo "make docs     the documentation as a site in out/site"
 	@echo "make bench    speed beside the reference solver, growth with the number of particles, a pool at rest; half an hour, alone"
+	@echo "make faults   the fault campaign: damaged files, kills, full disks; an hour"
+	@echo "make sanitize the tests of the C++ code with the sanitizers of the compiler; half an hour"
 	@echo "make wheel    a wheel with the C++ code for the present Python, in dist"
 	@echo "make release  wheels, source archive, notes and checksums, in dist"
 	@echo "make corrected  data and training of the corrected simulator; hours, resumable"
@@ -22,14 +24,19 @@ demo: .venv/ready
 	@video=; scripts/system-packages pictures || video=--no-video; \
 	.venv/bin/surfsup simulate examples/knot.obj -o out/demo $$video
 
-# Two processes of one thread each: more threads of torch would compete for the cores.
+# Two processes of one thread each: more threads of torch would compete for the cores. The second run is that of a
+# machine without a compiler, where Warp and torch compute what C++ computes elsewhere.
 test: setup docs
 	.venv/bin/python -m ruff check .
 	.venv/bin/python -m ruff format --check src tests benchmarks examples
 	.venv/bin/lint-imports
 	.venv/bin/mypy
 	OMP_NUM_THREADS=1 .venv/bin/python -m pytest -n 2
+	SURFSUP_NATIVE=0 OMP_NUM_THREADS=1 .venv/bin/python -m pytest -n 2 $(without_native)
 	scripts/run-notebooks
+
+without_native = tests/native tests/test_simulation.py tests/sph/test_environment.py tests/sph/test_crossings.py \
+	tests/sph/test_solver.py tests/sph/test_collision.py tests/sdf/mesh tests/io tests/fitting/test_deepsdf_fit.py
 
 docs: .venv/ready
 	NO_MKDOCS_2_WARNING=1 .venv/bin/mkdocs build --strict --quiet --site-dir out/site
@@ -41,6 +48,12 @@ bench: setup
 	.venv/bin/python benchmarks/growth.py --long 200 10000
 	.venv/bin/python benchmarks/stability.py
 	.venv/bin/python benchmarks/at_rest.py --solver
+
+faults: setup
+	.venv/bin/python benchmarks/faults.py
+
+sanitize: setup
+	scripts/sanitize-native
 
 # For Linux systems without a compiler; pyproject.toml has the configuration of cibuildwheel for all systems.
 wheel:

@@ -24,9 +24,9 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 import numpy as np
 
-from fault_campaign.campaign import KINDS, run_case
+from fault_campaign.campaign import KINDS
 from fault_campaign.inputs import make_inputs
-from fault_campaign.preload import preload
+from fault_campaign.preload import MODULES, SHORT_MODULES, preload
 from fault_campaign.verdict import BAD
 
 
@@ -42,15 +42,14 @@ def main() -> int:
     began = time.monotonic()
     work = Path(tempfile.mkdtemp(prefix="faults-"))
     os.environ["SURFSUP_CACHE"] = str(work / "cache")
-    preload()
+    preload(SHORT_MODULES if arguments.short else MODULES)
     rows = []
     try:
         inputs = make_inputs(work / "inputs", light=arguments.short)
         for kind in arguments.only:
             random = np.random.default_rng([arguments.seed, list(KINDS).index(kind)])
             count = KINDS[kind].short if arguments.short else KINDS[kind].count
-            for case in KINDS[kind].cases(random, count, inputs):
-                row = run_case(case, work / f"{kind}-{len(rows):04d}", arguments.keep)
+            for row in KINDS[kind].rows(random, count, inputs, work / kind, arguments.keep):
                 rows.append(row)
                 if row["outcome"] in BAD:
                     print(f"{row['outcome']}: {kind}: {row['name']}: {row['reason']}", flush=True)

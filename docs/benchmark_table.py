@@ -19,6 +19,10 @@ from record import Figure, Result, read_result  # noqa: E402
 ROWS = (
     "accuracy_primitives",
     "accuracy_meshes",
+    "accuracy_pouring",
+    "accuracy_tilting",
+    "accuracy_fine",
+    "accuracy_stirring",
     "accuracy_networks",
     "speed_3000",
     "speed_50000",

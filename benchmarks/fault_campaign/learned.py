@@ -19,7 +19,7 @@ FILE = "file.safetensors"
 
 
 def cases(random: np.random.Generator, count: int, inputs: Inputs) -> Iterator[Case]:
-    """Weights, surfaces, checkpoints of trainings and of fits, one after the other, with damaged bytes, tensors and headers."""
+    """Weights, surfaces, checkpoints of trainings and of fits; of each, tensors, headers and bytes."""
     files = {"weights": inputs.weights, "surface": inputs.siren, "checkpoint": inputs.checkpoint, "fit": inputs.fit}
     damages = (changed_tensor, changed_header, changed_bytes)
     for number in range(count):

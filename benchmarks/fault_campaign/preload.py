@@ -41,6 +41,20 @@ MODULES = (
     "surfsup.viewing.trajectory_pictures",
 )
 
+# Those of the short campaign, which needs neither training nor pictures.
+SHORT_MODULES = (
+    "h5py",
+    "igl",
+    "trimesh",
+    "surfsup.cli.program",
+    "surfsup.evaluation.pair",
+    "surfsup.exporting.export",
+    "surfsup.io.output_folder",
+    "surfsup.learned.loading",
+    "surfsup.scene.from_surface",
+    "surfsup.simulation",
+)
+
 
 def preload(modules: tuple[str, ...] = MODULES) -> None:
     """Import them, as far as they are installed.

@@ -43,6 +43,7 @@ class Run:
     ) -> None:
         """Begin `surfsup ARGUMENTS` in ``folder``; ``before`` is called in the child first."""
         self._began = time.monotonic()
+        self._status: int | None = None
         self._files = [tempfile.TemporaryFile() for _ in range(2)]  # noqa: SIM115  read when the run has ended
         sys.stdout.flush()
         sys.stderr.flush()
@@ -81,10 +82,12 @@ class Run:
                 status = status or 1
             os._exit(status)
 
-    def poll(self) -> int | None:
-        """The status if it has ended."""
-        pid, status = os.waitpid(self.pid, os.WNOHANG)
-        return os.waitstatus_to_exitcode(status) if pid else None
+    def poll_only(self) -> int | None:
+        """The status if it has ended; it can still be waited for."""
+        if self._status is None:
+            pid, status = os.waitpid(self.pid, os.WNOHANG)
+            self._status = os.waitstatus_to_exitcode(status) if pid else None
+        return self._status
 
     def send(self, number: int) -> None:
         """Send a signal."""
@@ -93,7 +96,7 @@ class Run:
     def wait(self, limit: float = LIMIT) -> Outcome:
         """Wait for the end, at most ``limit`` seconds; then it is killed."""
         timed_out = False
-        while (status := self.poll()) is None:
+        while (status := self.poll_only()) is None:
             if time.monotonic() - self._began > limit:
                 timed_out = True
                 os.killpg(self.pid, signal.SIGKILL)

@@ -66,7 +66,11 @@ def verdict(outcome: Outcome, named: str = "") -> tuple[str, str]:
         return ("warned", warnings[0]) if warnings else ("accepted", "")
     if outcome.status == 130:
         return "interrupted", last
-    one_line = len(messages) == 1 and outcome.errors.endswith(messages[0] + "\n")
+    if outcome.status == 2 and warnings and not messages:  # what a damaged file still holds was written
+        return "warned", warnings[0]
+    # A sweep names each scene that failed in a line.
+    cases = bool(messages) and all(line.startswith(f"{PREFIX}scene-") for line in messages)
+    one_line = cases or (len(messages) == 1 and outcome.errors.endswith(messages[0] + "\n"))
     if outcome.status not in (1, 2) or not one_line:
         return "unclear message", f"status {outcome.status}: {last or 'silence'}"
     if outcome.status == 1:

@@ -41,6 +41,8 @@ class Continuation:
             raise InputError(f"{file}: there is no interrupted simulation; omit --resume")
         with Trajectory(file) as trajectory:
             self._done, self._ids = len(trajectory), trajectory.positions.shape[1]
+            if not self._done:
+                raise InputError(f"{file}: has no frames yet; omit --resume")
             if trajectory.lifetimes is not None:
                 self._ids = int((trajectory.lifetimes[:, 1] > 0).sum())  # that have come so far
             self._last = trajectory.ids(self._done - 1)

@@ -44,7 +44,7 @@ def test_an_unknown_key_is_reported_with_the_closest_valid_one(text, key, neares
 def test_an_unknown_key_without_a_close_match_is_reported_with_all_valid_keys():
     assert message(WATER + "qqq: 1") == (
         "unknown key 'qqq'; known are container, surface, surfaces, fluid, gravity, frames, particle_radius, fps, "
-        "duration, restart, taps, drains, forces, density"
+        "duration, restart, taps, drains, forces, density, liquid"
     )
 
 
@@ -72,6 +72,10 @@ def test_an_unknown_key_of_several_lines_makes_a_message_of_one_line():
         ),
         ("fluid: [{block: {min: [0, 0, 0], max: [1, -1, 1]}}]", "fluid.0.block: block is -1 m thick along y"),
         ("fluid: [{block: {min: [0, 0, 0], max: [1e4, 100, 1]}}]", "fluid.0.block: block would hold more than"),
+        (
+            "fluid: [{block: {min: [0, 0, 0], max: [30, 30, 3]}}]\nparticle_radius: 0.003",
+            "namely 1.25e+10; make it smaller",
+        ),
         (
             "fluid: [{block: {min: [0, 0, -1e308], max: [1, 1, 1e308]}}]",
             "fluid.0.block.min.2: Input should be greater than or equal to -10000",

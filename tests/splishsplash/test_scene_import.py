@@ -8,6 +8,7 @@ import pytest
 import trimesh
 
 from surfsup import InputError, Scene
+from surfsup.sph.liquid import LiquidForces
 from surfsup.splishsplash.scene_import import import_scene
 
 WALLS = {
@@ -112,6 +113,24 @@ def test_a_body_that_moves_freely_floats(converted):
     np.testing.assert_allclose(body.at, [0, -0.5, 1])
 
 
+def with_viscosity(method, **coefficients):
+    return {"Materials": [{"id": "Fluid", "density0": 900, "viscosityMethod": 6, method: coefficients}]}
+
+
+def test_the_viscosity_becomes_that_of_a_liquid(converted):
+    scene, missing = converted(**with_viscosity("Weiler et al. 2018", viscosity=5, viscosityBoundary=10))
+    assert missing == []
+    assert LiquidForces.of(scene.liquid).viscosity == pytest.approx(5)
+    assert LiquidForces.of(scene.liquid).boundary_viscosity == pytest.approx(10)
+    assert scene.density == scene.liquid.density == 900
+
+
+@pytest.mark.parametrize("viscosity", [0.01, 0.01 * (0.025 / 0.015) ** 1.5])
+def test_the_viscosity_of_water_needs_no_liquid(converted, viscosity):
+    scene, missing = converted(**with_viscosity("Standard viscosity", viscosity=viscosity))
+    assert missing == [] and scene.liquid is None and scene.density == 900
+
+
 def test_emitters_become_taps(converted):
     emitter = {
         "width": 8, "height": 3, "translation": [-1.2, 0.75, 0.5], "velocity": 2, "rotationAxis": [0, 1, 0],
@@ -133,6 +152,7 @@ def test_emitters_become_taps(converted):
         ({"Configuration": {**SCENE["Configuration"], "sim2D": True}}, "two dimensions"),
         ({"Configuration": {**SCENE["Configuration"], "scriptFile": "a.py"}}, "the script a.py"),
         ({"Materials": [{"surfaceTensionMethod": 2}]}, "surface tension"),
+        ({"Materials": [{"Peer et al. 2015": {"viscosity": 0.05}}]}, "viscosities of 0.05 (Peer et al. 2015)"),
         ({"Materials": [{"density0": 1000}, {"density0": 500}]}, "liquids of different densities"),
         (
             {"RigidBodies": [WALLS, BODY], "TargetVelocityMotorHingeJoints": [{"bodyID1": 1, "bodyID2": 0}]},

@@ -91,6 +91,15 @@ def main() -> None:
         exit_interrupted(str(interrupt))
     except (KeyboardInterrupt, typer.Abort):
         exit_interrupted("nothing was finished yet")
+    except ModuleNotFoundError as error:
+        missing = (error.name or "").partition(".")[0]
+        if missing in ("", "surfsup"):
+            raise
+        sys.stderr.write(f"surfsup: the library '{missing}' is missing; install surfsup again (docs/install.md)\n")
+        sys.exit(BAD_INPUT)
+    except MemoryError as error:
+        sys.stderr.write(f"surfsup: there is too little memory ({printable(str(error))}); larger particles need less\n")
+        sys.exit(BAD_INPUT)
     except BrokenPipeError:  # the reader of standard output has ended
         drop_output()
         sys.exit(FAULT)

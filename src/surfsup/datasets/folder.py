@@ -44,8 +44,8 @@ def lock_folder(folder: Path) -> Iterator[str]:
             yield token
         finally:
             remove_partial_files(folder)
-            if new and os.listdir(folder) == [LOCK]:
-                (folder / LOCK).unlink()
+            (folder / LOCK).unlink(missing_ok=True)
+            if new and not os.listdir(folder):
                 folder.rmdir()
 
 

@@ -6,8 +6,11 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from surfsup.errors import InputError
 from surfsup.exporting.frames import ParticleFrame
 from surfsup.io.trajectory import Trajectory
+
+LARGEST = 1e30  # of positions and velocities, in meters and m/s
 
 
 class FrameSource:
@@ -31,13 +34,16 @@ class FrameSource:
             except OSError:
                 self.cut_off = True
                 return
-            self.read += 1
             ids = trajectory.ids(number)
             everything = len(ids) == positions.shape[1]
+            place, velocity = (part[0] if everything else part[0][ids] for part in (positions, velocities))
+            if not all((np.abs(part) < LARGEST).all() for part in (place, velocity)):
+                raise InputError(f"{trajectory.path}: frame {number} has values that are no finite numbers of float32")
+            self.read += 1
             yield ParticleFrame(
                 trajectory.start_time + number * trajectory.frame_time,
-                positions[0] if everything else positions[0][ids],
-                velocities[0] if everything else velocities[0][ids],
+                place,
+                velocity,
                 ids.astype(np.int32),
                 trajectory.radius,
             )

@@ -10,6 +10,7 @@ from __future__ import annotations
 import os
 import shutil
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
@@ -254,12 +255,16 @@ class TrajectoryWriter:
             self._file = h5py.File(self._path, "w")
         except OSError as error:
             reason = os.strerror(error.errno) if error.errno else single_line(error)
+            with suppress(OSError):
+                if self._path.stat().st_size == 0:
+                    self._path.unlink()
             raise InputError(f"{path}: cannot be written ({reason})") from None
         self._space = ReservedSpace(self._path)
         try:
             self._space.reserve(len(text) + 8 * particles + SPARE_BYTES)
         except InputError:
-            self._file.close()
+            with suppress(OSError, RuntimeError):  # the same error once more
+                self._file.close()
             self._path.unlink()
             raise
         self._file.attrs.update(
@@ -289,6 +294,7 @@ class TrajectoryWriter:
             for name in ("position", "velocity")
         ]
         group["particle_type"] = np.full(particles, FLUID_TYPE, dtype=np.int64)
+        self._file.flush()  # a file that a kill leaves is a trajectory, if one without frames
         self._poses: list[Mapping[str, Pose]] = []  # of the frames in the buffer
         # The first frame of each particle and the one after its last. All zero for those that have not yet come.
         self._lifetimes = np.zeros((particles, 2), np.int64)

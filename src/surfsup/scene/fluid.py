@@ -50,8 +50,12 @@ class Block(StrictModel):
             ValueError: the block is too thin for a particle or holds more.
         """
         sides = [(high - low) / spacing for low, high in zip(self.min, self.max, strict=True)]
-        if math.prod(max(1.0, side) for side in sides) > MAX_PARTICLES:
-            raise ValueError(f"block would hold more than {MAX_PARTICLES:,} particles of {spacing:g} m")
+        if (count := math.prod(max(1.0, side) for side in sides)) > MAX_PARTICLES:
+            radius = spacing / 2 * (count / MAX_PARTICLES) ** (1 / 3)
+            raise ValueError(
+                f"block would hold more than {MAX_PARTICLES:,} particles of {spacing:g} m, namely {count:.3g}; "
+                f"make it smaller, or particle_radius at least {radius:.2g} m"
+            )
         for axis, low, high in zip("xyz", self.min, self.max, strict=True):
             if lattice_sites(low, high, spacing) < 1:
                 raise ValueError(

@@ -20,12 +20,16 @@ import yaml
 from surfsup.errors import InputError
 from surfsup.scene import Scene
 from surfsup.scene.particle_file import read_particles
+from surfsup.scene.units import Units
 from surfsup.sdf import load_mesh
+from surfsup.sph.dfsph import VISCOSITY
+from surfsup.sph.liquid import NO_SLIP, VISCOSITY_FACTOR
 from surfsup.splishsplash.emitters import FOREVER, PARTICLES, SPEED, closing_times, opening, turn_of
 
 Y_TO_Z = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])  # as `up: y` of a mesh
 DEFAULTS = {"particleRadius": 0.025, "gravitation": [0.0, -9.81, 0.0]}  # of SPlisHSPlasH
 TOLERANCE = 1e-6
+SAME_VISCOSITY = ("Standard viscosity", "Weiler et al. 2018")  # methods whose coefficient is a viscosity in m²/s
 
 Json = Mapping[str, Any]
 
@@ -122,8 +126,11 @@ class Converter:
         scene["container"] = "none" if lower is None else {"size": rounded(upper - lower)}
         scene["gravity"] = placement.vector(gravity)
         densities = {float(material.get("density0", 1000)) for material in content.get("Materials", [])}
-        if len(densities) == 1:
-            scene["density"] = densities.pop()
+        density = {"density": densities.pop()} if len(densities) == 1 else {}
+        if liquid := self.liquid(content, scene["particle_radius"]):
+            scene["liquid"] = {**liquid, **density}
+        else:
+            scene |= density
         solids = [body for body in bodies if body not in walls]
         if solids:
             joints = content.get("TargetVelocityMotorHingeJoints", [])
@@ -168,10 +175,22 @@ class Converter:
                 self.missing.append(name)
         if len({material.get("density0", 1000) for material in materials}) > 1:
             self.missing.append("liquids of different densities")
-        viscosities = {viscosity_of(material) for material in materials} - {None}
-        if any(not math.isclose(viscosity, 0.01) for viscosity in viscosities if viscosity is not None):
-            listed = ", ".join(f"{viscosity:g}" for viscosity in sorted(filter(None, viscosities)))
-            self.missing.append(f"a viscosity of {listed} m²/s")
+
+    def liquid(self, content: Json, radius: float) -> dict[str, float]:
+        """The viscosity of the materials as a liquid; empty if it is that of water as the solvers have it."""
+        found = {viscosity_of(material) for material in content.get("Materials", [])} - {None}
+        if not found:
+            return {}
+        (viscosity, at_solids, method), *others = sorted(filter(None, found))
+        if others or method not in SAME_VISCOSITY:
+            listed = ", ".join(f"{value:g} ({name})" for value, _, name in sorted(filter(None, found)))
+            self.missing.append(f"viscosities of {listed}")
+            return {}
+        of_water = (VISCOSITY, VISCOSITY * Units(radius).viscosity)
+        if not viscosity or any(math.isclose(viscosity, one, rel_tol=1e-6) for one in of_water):
+            return {}
+        friction = min(1.0, at_solids / (NO_SLIP * viscosity))
+        return {"viscosity": round(viscosity / VISCOSITY_FACTOR, 12), "friction": round(friction, 9)}
 
     def box_of(self, body: Json, turn: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Lower and upper corner of the walls, with our axes.
@@ -342,10 +361,14 @@ def rigid_body(body: Json, placement: Placement) -> dict[str, Any]:
     return entry
 
 
-def viscosity_of(material: Json) -> float | None:
-    """The kinematic viscosity in m²/s of a material by any of SPlisHSPlasH's methods; None if it has none."""
-    groups = [value for value in material.values() if isinstance(value, dict) and "viscosity" in value]
-    return float(groups[0]["viscosity"]) if groups and material.get("viscosityMethod", 1) else None
+def viscosity_of(material: Json) -> tuple[float, float, str] | None:
+    """Coefficient of the viscosity in m²/s, the one at solids, and the method of a material; None if it has none."""
+    if not material.get("viscosityMethod", 1):
+        return None
+    for name, values in material.items():
+        if isinstance(values, dict) and "viscosity" in values:
+            return float(values["viscosity"]), float(values.get("viscosityBoundary", 0)), name
+    return None
 
 
 def is_box(mesh: trimesh.Trimesh) -> bool:

@@ -118,6 +118,8 @@ def checked_grid(values: Tensor, lower: Tensor, cell: Any) -> SdfGrid:
         raise ValueError("the grid holds no numbers")
     if values.ndim != 3 or min(values.shape) < 3 or float(lower.abs().max()) > MAX_BOUND:
         raise ValueError(f"the grid has the shape {tuple(values.shape)} and begins at {lower.tolist()}")
+    if not float(values.float().abs().max()) <= MAX_BOUND * 4:
+        raise ValueError("the grid has distances that no shape in the cube has")
     return SdfGrid.from_distances(values, lower, cell)
 
 

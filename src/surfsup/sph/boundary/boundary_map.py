@@ -17,14 +17,13 @@ from torch import Tensor
 from surfsup import native
 from surfsup.activity import activity
 from surfsup.cache import cached, digest
-from surfsup.errors import InputError
 from surfsup.scene import Container
 from surfsup.sdf import Surface
 from surfsup.sdf.true_distance import with_true_distances
 from surfsup.sph.boundary.density import MIN_DEPTH, VOLUME_FACTOR
 from surfsup.sph.boundary.scene_boundaries import map_in_container, whole_map
 from surfsup.sph.boundary.shape_functions import CELL_NODES, shape_functions
-from surfsup.sph.boundary.volume_map import VolumeMap
+from surfsup.sph.boundary.volume_map import NoSurfaceNear, VolumeMap
 from surfsup.sph.kernels import KERNEL_SUPPORT
 
 FULL_VOLUME = VOLUME_FACTOR * 4 / 3 * np.pi * KERNEL_SUPPORT**3  # m³: the map's volume inside a solid without end
@@ -61,7 +60,7 @@ class MapTables:
         def compute() -> MapTables:
             try:
                 volume_map = map_in_container(with_true_distances(surface), container, -MIN_DEPTH)
-            except InputError:
+            except NoSurfaceNear:
                 lower, cell, resolution = np.zeros(3, np.float32), np.ones(3, np.float32), np.ones(3, np.int32)
                 return cls(lower, cell, resolution, np.full(1, -1, np.int32), far_nodes())
             return cls.of_map(volume_map)
