@@ -39,8 +39,8 @@ inline float plane_fraction(const BoundaryParameters& b, float distance) {
 
 // Distance and volume fraction of the container's walls at a position, and the direction towards them, whose squared length is
 // `square`. False far from all walls; `towards` is written in any case.
-inline bool walls_near(const Frame& frame, const float* position, float& wall_distance, float& fraction, float* towards,
-                       float& square) {
+[[gnu::always_inline]] inline bool walls_near(const Frame& frame, const float* position, float& wall_distance, float& fraction,
+                                              float* towards, float& square) {
     const SolverParameters& p = *frame.parameters;
     float distance[3], product = 1.0f, open = 0.0f, weighted_side = 0.0f, free_fraction = 1.0f;
     square = 0.0f;
@@ -122,8 +122,9 @@ inline void add_walls_of_frame(const Frame& frame, const float* position, float&
 
 // Distance, volume fraction and normal of the solid that stands still. False if `min_solid_distance`, a lower bound of the
 // distance, exceeds the kernel support. Updates that bound near the solid.
-inline bool still_solid_near(const Frame& frame, int64_t caller, const float* position, float& min_solid_distance,
-                             float& distance, float& fraction, float* normal) {
+[[gnu::always_inline]] inline bool still_solid_near(const Frame& frame, int64_t caller, const float* position,
+                                                    float& min_solid_distance, float& distance, float& fraction,
+                                                    float* normal) {
     const SolverParameters& p = *frame.parameters;
     const bool solid = frame.boundary_map.cell_indices || frame.solid_normal;
     if (!solid || min_solid_distance > p.kernel_support) return false;  // a NaN distance passes
