@@ -36,10 +36,10 @@ RESULTS = {  # data set: name of the result, and what its scenes are
     "complex-scenes": ("accuracy_meshes", "a large mesh and a furnished room"),
     "mountain": ("accuracy_mountain", "a mountain"),
     "assorted": ("accuracy_assorted", "assorted scenes (400 frames)"),
-    "pouring": ("accuracy_pouring", "cups that pour (300 frames)"),
-    "tilting": ("accuracy_tilting", "containers that are tilted and shaken (300 frames)"),
-    "fine": ("accuracy_fine", "small things, particles of 3 mm (300 frames)"),
-    "stirring": ("accuracy_stirring", "paddles that turn (300 frames)"),
+    "pouring": ("accuracy_pouring", "cups that pour, 300 frames"),
+    "tilting": ("accuracy_tilting", "containers that are tilted and shaken, 300 frames"),
+    "fine": ("accuracy_fine", "small things, particles of 3 mm, 300 frames"),
+    "stirring": ("accuracy_stirring", "paddles that turn, 300 frames"),
     "tanks": ("accuracy_tanks", "tanks and dam breaks (400 frames)"),
 }
 
@@ -121,7 +121,7 @@ def write_results(reports: list[Entry]) -> None:
         write_result(
             name,
             f"Chamfer distance to the reference, mean over {count} unseen {'scene' if count == 1 else 'scenes'}: {what}"
-            + ("" if "400 frames" in what else ", 800 frames"),
+            + ("" if " frames" in what else ", 800 frames"),
             round(scores["chamfer"]["prediction"], 4),
             "m",
             "floor: SPlisHSPlasH from a start 1 mm aside",

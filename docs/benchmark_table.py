@@ -51,7 +51,8 @@ def figure_text(figure: Figure | None, unit: str) -> str:
     """A figure with its unit; a dash if there is none."""
     if figure is None:
         return "–"
-    return f"{figure:.4g} {unit}" if isinstance(figure, float | int) else f"{figure} {unit}"
+    number = f"{figure:.4g}" if isinstance(figure, float | int) else figure
+    return f"{number} {unit}".strip()
 
 
 def row(result: Result, with_provenance: bool) -> str:
