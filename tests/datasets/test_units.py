@@ -11,7 +11,6 @@ from tests.evaluation.scenes import free_fall, write
     [
         ("frame_time", 0.0025, "has a frame every 0.0025 s and particles of radius 0.015 m"),
         ("radius", 0.025, "has a frame every 0.005 s and particles of radius 0.025 m"),
-        ("radius", float("nan"), "particles of radius nan m"),
     ],
 )
 def test_the_error_names_frame_time_and_radius(unit, value, message, tmp_path):

@@ -25,6 +25,9 @@ RECIPE_NAMES = (
     "hills",
     "stirring",
     "taps",
+    "pouring",
+    "tilting",
+    "fine",
     "honey",
 )
 

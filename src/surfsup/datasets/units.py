@@ -39,7 +39,8 @@ def check_simulator_frames(path: Path, trajectory: Trajectory) -> None:
     if not np.allclose([trajectory.frame_time, trajectory.radius], [expected.frame_time, expected.radius], rtol=1e-6):
         raise UnitMismatchError(
             f"{path}: has a frame every {trajectory.frame_time:.6g} s and particles of radius {trajectory.radius:g} m; "
-            f"the simulators need one every {expected.frame_time:.6g} s here, so generate it without fps"
+            f"its scene needs {expected.frame_time:.6g} s and {expected.radius:g} m, so take other data, or generate "
+            "it without fps"
         )
 
 

@@ -28,7 +28,7 @@ def test_a_data_set_is_one_trajectory_for_each_scene_and_a_description(tmp_path)
     folder = tmp_path / "new" / "data"
     paths = generate("tiny", folder, 3, seed=5, progress=lambda done, count, left: reports.append((done, count)))
     assert [path.name for path in paths] == ["00000.h5", "00001.h5", "00002.h5"]
-    assert {path.name for path in folder.iterdir()} == {".lock", "dataset.yaml", *(path.name for path in paths)}
+    assert {path.name for path in folder.iterdir()} == {"dataset.yaml", *(path.name for path in paths)}
     assert reports == [(0, 3), (1, 3), (2, 3), (3, 3)]
     description = yaml.safe_load((folder / "dataset.yaml").read_text())
     assert (description["recipe"], description["seed"], description["versions"]["solver"]) == ("tiny", 5, [NAME])
