@@ -45,3 +45,8 @@ def test_what_cannot_be_is_refused_in_one_line():
         assert "\n" not in str(error.value)
     with pytest.raises(InputError, match="1 worlds are reset to as many states, not to 2"):
         sf.Worlds([one]).reset([one.state, one.state])
+
+
+def test_a_scene_is_no_list_of_simulations():
+    with pytest.raises(InputError, match=r"give a list of simulations, such as \[Simulation"):
+        sf.Worlds(SCENES[0])

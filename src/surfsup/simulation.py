@@ -67,6 +67,10 @@ class Frame:
     ids: np.ndarray = field(default_factory=lambda: np.empty(0, np.int64))
     forces: Mapping[str, Wrench] = field(default_factory=dict)
 
+    def __repr__(self) -> str:
+        """The time and the number of particles, not all their numbers."""
+        return f"<Frame at {self.time:g} s, {len(self.positions)} particles>"
+
 
 @dataclass(frozen=True)
 class SimulationState:

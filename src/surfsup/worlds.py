@@ -34,6 +34,8 @@ class Worlds:
 
     def __init__(self, simulations: Sequence[Simulation], threads: int | None = None) -> None:
         self._simulations = list(simulations)
+        if not all(isinstance(simulation, Simulation) for simulation in self._simulations):
+            raise InputError("worlds: give a list of simulations, such as [Simulation(scene) for _ in range(16)]")
         if not self._simulations or len(set(map(id, self._simulations))) < len(self._simulations):
             raise InputError("worlds: give one Simulation or more, each of its own")
         threads = torch.get_num_threads() if threads is None else threads

@@ -157,6 +157,8 @@ def test_an_evaluation_writes_a_report_and_its_rollout_can_be_compared_again(tmp
         (["compare", "SCENE", "nothing.h5"], "not a trajectory"),
         (["compare", "nothing.h5", "SCENE"], "there is no such trajectory file"),
         (["view", "SCENE"], "not a trajectory"),
+        (["export", "FOLDER", "--to", "vtk"], "there is no such trajectory file; give FOLDER/trajectory.h5"),
+        (["render", "FOLDER/trajectory.h5", "-o", "one.png"], "a .png needs --frame"),
     ],
 )
 def test_bad_input_prints_one_line_exits_with_status_2_and_writes_nothing(arguments, message, scene, tmp_path):
@@ -165,6 +167,7 @@ def test_bad_input_prints_one_line_exits_with_status_2_and_writes_nothing(argume
     with h5py.File(write(tmp_path / "OTHER/00000.h5", *free_fall(2), scene=FALL.with_frames(2)), "r+") as file:
         file.attrs["radius"] = 0.025
     write(tmp_path / "STANDARD/00000.h5", *free_fall(2), scene=FALL.with_frames(2))
+    write(tmp_path / "FOLDER/trajectory.h5", *free_fall(2), scene=FALL.with_frames(2))
     before = sorted(os.listdir(tmp_path))
     done = surfsup(*[str(scene) if argument == "SCENE" else argument for argument in arguments], cwd=tmp_path)
     assert done.returncode == 2

@@ -6,6 +6,7 @@ import pytest
 
 from surfsup.cli import progress
 from surfsup.cli.progress import ProgressLines, progress_bar
+from surfsup.optim.stopping import Stop
 
 
 class Terminal(io.StringIO):
@@ -118,3 +119,13 @@ def test_lines_estimate_the_time_left_from_the_steps_after_the_first(monkeypatch
         "rendering: 2/12, 0:01:06, 0:01:00 left",
         "rendering: 3/12, 0:01:12, 0:00:54 left",
     ]
+
+
+def test_no_more_time_is_shown_as_left_than_the_limit(monkeypatch):
+    error = io.StringIO()
+    monkeypatch.setattr(sys, "stderr", error)
+    stop = Stop(30)
+    stop()
+    with progress_bar("training", stop) as bar:
+        bar.report(SimpleNamespace(step=1, steps=1000, loss=0.5, seconds_left=10_000, validation=None))
+    assert "1/1000" in error.getvalue() and ("0:00:30 left" in error.getvalue() or "0:00:29 left" in error.getvalue())

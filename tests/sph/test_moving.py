@@ -204,7 +204,7 @@ class TestFromPython:
             assert distances(simulation, frame, "ball").min() > 0.9 * CLEARANCE
 
     def test_an_unknown_name_is_refused(self):
-        with pytest.raises(InputError, match="there is no surface 'bal' to move; the scene's are ball"):
+        with pytest.raises(InputError, match="there is no surface 'bal' to move; known are ball"):
             simulation_of(self.TEXT).set_pose("bal", (0, 0, 0))
 
     def test_a_jump_is_warned_of_with_its_frame(self):

@@ -23,6 +23,7 @@ def examples(
     name: Annotated[
         str | None, typer.Argument(metavar="NAME", help="The example to simulate.", autocompletion=names)
     ] = None,
+    frames: Annotated[int | None, typer.Option(min=1, help="Number of frames; the scene's by default.")] = None,
 ) -> None:
     """List the scenes that ship, or simulate one.
 
@@ -31,7 +32,7 @@ def examples(
     from surfsup.scene.examples import description, example_file, example_files
 
     if name is not None:
-        simulate(SceneOptions(source=example_file(name)), output)
+        simulate(SceneOptions(source=example_file(name), frames=frames), output)
         return
     files = example_files()
     width = max(map(len, files), default=0)

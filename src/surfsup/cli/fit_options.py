@@ -71,7 +71,7 @@ def run_and_write(fit: Fit[Any, Any], stop: Stop, resume: bool, write: Callable[
         fit.resume()
     diverged: Diverged | None = None
     lines: list[str] = []
-    with stop, progress_bar("fitting") as bar:
+    with stop, progress_bar("fitting", stop) as bar:
         try:
             run_fit(fit, stop, bar.report)
         except Diverged as error:

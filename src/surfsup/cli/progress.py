@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import sys
 import time
 from abc import ABC, abstractmethod
@@ -14,6 +15,7 @@ if TYPE_CHECKING:
     from rich import progress as rich
 
     from surfsup.optim.loop import Progress
+    from surfsup.optim.stopping import Stop
 
 LINE_EVERY = 5.0  # seconds between two plain lines
 
@@ -25,8 +27,8 @@ class ProgressDisplay(ABC):
         description: text before the numbers.
     """
 
-    def __init__(self, description: str) -> None:
-        self.description = description
+    def __init__(self, description: str, stop: Stop | None = None) -> None:
+        self.description, self._stop = description, stop
 
     @abstractmethod
     def __call__(self, done: int, total: int, seconds_left: float | None = None) -> None:
@@ -43,7 +45,8 @@ class ProgressDisplay(ABC):
     def report(self, progress: Progress[Any]) -> None:
         """Show the state of an optimization; the results of validations stay on the screen."""
         self.description = f"loss {progress.loss:.4g}"
-        self(progress.step, progress.steps, progress.seconds_left)
+        limit = math.inf if self._stop is None else self._stop.seconds_left
+        self(progress.step, progress.steps, min(progress.seconds_left, limit))
         if progress.validation is not None:
             self.print(f"step {progress.step}: {progress.validation}")
 
@@ -51,8 +54,8 @@ class ProgressDisplay(ABC):
 class ProgressBar(ProgressDisplay):
     """A bar on a terminal that appears with its first update."""
 
-    def __init__(self, description: str) -> None:
-        super().__init__(description)
+    def __init__(self, description: str, stop: Stop | None = None) -> None:
+        super().__init__(description, stop)
         self._bars = rich_bars()
 
     def __call__(self, done: int, total: int, seconds_left: float | None = None) -> None:
@@ -82,8 +85,8 @@ class ProgressBar(ProgressDisplay):
 class ProgressLines(ProgressDisplay):
     """A plain line every few seconds, and one at the end, where standard error is a file or a pipe."""
 
-    def __init__(self, description: str) -> None:
-        super().__init__(description)
+    def __init__(self, description: str, stop: Stop | None = None) -> None:
+        super().__init__(description, stop)
         self._started = self._printed = time.monotonic()
         self._first: tuple[float, int] | None = None
         self._unprinted = ""
@@ -118,9 +121,14 @@ class ProgressLines(ProgressDisplay):
 
 
 @contextmanager
-def progress_bar(description: str) -> Iterator[ProgressDisplay]:
-    """Show the progress of a task until the block ends, on a terminal as a bar."""
-    display = ProgressBar(description) if sys.stderr.isatty() else ProgressLines(description)
+def progress_bar(description: str, stop: Stop | None = None) -> Iterator[ProgressDisplay]:
+    """Show the progress of a task until the block ends, on a terminal as a bar.
+
+    Args:
+        description: text before the numbers.
+        stop: what ends an optimization early, so that no more time is shown as left than its limit.
+    """
+    display = (ProgressBar if sys.stderr.isatty() else ProgressLines)(description, stop)
     try:
         yield display
     finally:

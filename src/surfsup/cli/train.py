@@ -99,7 +99,7 @@ def train(
             windows = StreamedWindows(simulations, device=run.fabric.device)
         report = log = None
         if run.is_main_process:
-            report = stack.enter_context(progress_bar("training")).report
+            report = stack.enter_context(progress_bar("training", stop)).report
             log = stack.enter_context(open_log(run, validation))
         run_training(run, windows, validation, stop, report, log)
     shut_down(run.fabric)

@@ -159,7 +159,7 @@ class OutputFolder:
         except KeyboardInterrupt:
             if not writer.frames:
                 raise
-            kept = f"{writer.frames} of {scene.frames} frames are kept in {writer.path}"
+            kept = f"{writer.frames} of {scene.frames} frames are kept in {writer.path}; --resume adds the others"
             raise Interrupted(kept) from None
         finally:
             failing = sys.exc_info()[0] is not None

@@ -90,7 +90,9 @@ class TrajectoryFrames:
         """
         self.path = path = Path(path)
         if not path.is_file():
-            raise InputError(f"{path}: there is no such trajectory file")
+            inside = Path(path) / "trajectory.h5"
+            hint = f"; give {inside}" if inside.is_file() else ""
+            raise InputError(f"{path}: there is no such trajectory file{hint}")
         try:
             self._file = self._open(path)
         except OSError as error:

@@ -39,6 +39,11 @@ class Stop:
             self._deadline = now + self._seconds
         return self.signaled or now >= self._deadline
 
+    @property
+    def seconds_left(self) -> float:
+        """Until the time limit; infinite without one."""
+        return self._seconds if self._deadline is None else self._deadline - time.monotonic()
+
     def _handle_signal(self, number: int, frame: FrameType | None) -> None:
         if self.signaled:
             raise KeyboardInterrupt

@@ -182,8 +182,8 @@ def build_solids(scene: Scene, movable: Collection[str] = ()) -> Solids:
         InputError: a file of a surface or a motion is missing or unusable, or there is no such surface.
     """
     if unknown := [name for name in movable if name not in scene.surfaces and name != CONTAINER]:
-        known = ", ".join(scene.surfaces) or "none; name them under 'surfaces'"
-        raise InputError(f"there is no surface '{unknown[0]}' to move; the scene's are {known}")
+        known = f"known are {', '.join(scene.surfaces)}" if scene.surfaces else "name them under 'surfaces'"
+        raise InputError(f"there is no surface '{unknown[0]}' to move; {known}")
     parts, moving = [], []
     if (single := scene.build_single_surface()) is not None:
         parts.append(StillSolid(SINGLE, single, origin_of(scene.surface)))
