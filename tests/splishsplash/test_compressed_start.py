@@ -1,12 +1,13 @@
 """Fluid that the solver would throw apart is moved apart, and a warning says so."""
 
+import re
 import warnings
 
 import numpy as np
 import pytest
 
 from surfsup.scene import InitialParticles, Scene
-from surfsup.splishsplash.compressed_start import CompressedStartWarning, without_compression
+from surfsup.splishsplash.compressed_start import CompressedStartWarning, expansion_warning, without_compression
 from surfsup.splishsplash.solver import simulate
 
 
@@ -52,3 +53,11 @@ def test_the_reference_lets_a_dam_break_that_fills_its_channel_fall_quietly():
     ]
     assert speeds[0] > 5
     assert speeds[1] < 1
+
+
+@pytest.mark.parametrize(("x", "says"), [(0.0, "begins 30 mm from a wall, .* gains energy"), (0.1, None)])
+def test_our_own_solver_warns_of_a_lattice_at_a_wall(x, says):
+    block = f"fluid: [{{block: {{min: [{x - 0.3}, -0.1, 0.3], max: [0.1, 0.1, 0.5]}}}}]"
+    scene = Scene.from_yaml(f"container: {{size: [0.6, 0.6, 1]}}\n{block}", "test")
+    warning = expansion_warning(scene, scene.initial_particles(None))
+    assert warning is None if says is None else re.search(says, warning or "")
