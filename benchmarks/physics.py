@@ -10,15 +10,13 @@ from __future__ import annotations
 
 import json
 import math
-import sys
 from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
-import torch
 from matplotlib.axes import Axes
 
-from physics_results import DENSITY, GRAVITY, MARGIN, Row, level, picture, write
+from physics_results import DENSITY, GRAVITY, MARGIN, Row, level, picture, run, write
 from surfsup.scene import PARTICLE_RADIUS, Scene
 from surfsup.simulation import Frame, Simulation
 
@@ -159,14 +157,5 @@ def draught() -> None:
 MEASUREMENTS = {"archimedes": archimedes, "floor": floor, "draught": draught}
 
 
-def main() -> None:
-    """Run the measurements that the arguments name, or all."""
-    torch.set_num_threads(1)
-    if unknown := [name for name in sys.argv[1:] if name not in MEASUREMENTS]:
-        sys.exit(f"there is no measurement '{unknown[0]}'; there are {', '.join(MEASUREMENTS)}")
-    for name in sys.argv[1:] or MEASUREMENTS:
-        MEASUREMENTS[name]()
-
-
 if __name__ == "__main__":
-    main()
+    run(MEASUREMENTS)

@@ -10,14 +10,12 @@ from __future__ import annotations
 
 import json
 import math
-import sys
 
 import numpy as np
-import torch
 from matplotlib.axes import Axes
 from scipy.optimize import curve_fit
 
-from physics_results import DENSITY, GRAVITY, picture, write
+from physics_results import DENSITY, GRAVITY, picture, run, write
 from surfsup.scene import PARTICLE_RADIUS, InitialParticles, Scene
 from surfsup.simulation import Simulation
 
@@ -219,14 +217,5 @@ def fitted_period(times: np.ndarray, values: np.ndarray, near: float) -> tuple[f
 MEASUREMENTS = {"duct": duct, "drop": drop}
 
 
-def main() -> None:
-    """Run the measurements that the arguments name, or all."""
-    torch.set_num_threads(1)
-    if unknown := [name for name in sys.argv[1:] if name not in MEASUREMENTS]:
-        sys.exit(f"there is no measurement '{unknown[0]}'; there are {', '.join(MEASUREMENTS)}")
-    for name in sys.argv[1:] or MEASUREMENTS:
-        MEASUREMENTS[name]()
-
-
 if __name__ == "__main__":
-    main()
+    run(MEASUREMENTS)

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import numpy as np
+import torch
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
@@ -43,3 +44,12 @@ def write(name: str, claim: str, figure: float, unit: str, rows: list[Row] | lis
     rounded = [{key: round(v, 5) if isinstance(v, float) else v for key, v in row.items()} for row in rows]
     command = f"python benchmarks/{Path(sys.argv[0]).name} {name}"
     write_result(f"physics_{name}", claim, round(figure, 3), unit, None, None, command, {"cases": rounded}, threads=1)
+
+
+def run(measurements: Mapping[str, Callable[[], None]]) -> None:
+    """Run the measurements that the arguments of the program name, or all."""
+    torch.set_num_threads(1)
+    if unknown := [name for name in sys.argv[1:] if name not in measurements]:
+        sys.exit(f"there is no measurement '{unknown[0]}'; there are {', '.join(measurements)}")
+    for name in sys.argv[1:] or measurements:
+        measurements[name]()

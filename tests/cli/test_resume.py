@@ -22,7 +22,7 @@ def test_after_an_interrupt_the_rest_is_simulated(tmp_path, surfsup):  # noqa: F
     command = [sys.executable, "-m", "surfsup.cli", "simulate", scene, *options]
     running = subprocess.Popen(list(map(str, command)), stderr=subprocess.PIPE, text=True, preexec_fn=handle_interrupts)
     file = out / "trajectory.h5"
-    while running.poll() is None and not (file.exists() and file.stat().st_size > 20_000):
+    while running.poll() is None and not (file.exists() and file.stat().st_size > 500_000):
         time.sleep(0.01)
     running.send_signal(signal.SIGINT)
     _, errors = running.communicate()

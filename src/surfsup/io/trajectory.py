@@ -264,11 +264,26 @@ class TrajectoryWriter:
         self._space = ReservedSpace(self._path)
         try:
             self._space.reserve(len(text) + 8 * particles + SPARE_BYTES)
-        except InputError:
+            self._sets = self._write_head(text, scene, provenance, particles, start_time)
+        except BaseException:  # an interrupt, too, leaves nothing that is no trajectory
             with suppress(OSError, RuntimeError):  # the same error once more
                 self._file.close()
             self._path.unlink()
             raise
+        self._poses: list[Mapping[str, Pose]] = []  # of the frames in the buffer
+        # The first frame of each particle and the one after its last. All zero for those that have not yet come.
+        self._lifetimes = np.zeros((particles, 2), np.int64)
+        self._forces: list[Mapping[str, Wrench]] = []
+        # Frames that are not yet written, and memory to shuffle a chunk in. Reused memory stays in the cache.
+        self._buffer = np.empty((2, FRAMES_PER_FLUSH, particles, 3), dtype=np.float32)
+        self._shuffled = np.empty((4, FRAMES_PER_CHUNK * particles * 3), dtype=np.uint8)
+        self._written = 0
+        self._buffered = 0
+
+    def _write_head(
+        self, text: str, scene: Scene, provenance: Provenance, particles: int, start_time: float
+    ) -> list[h5py.Dataset]:
+        """Write all but the frames; returns the data sets of positions and velocities."""
         self._file.attrs.update(
             {
                 "scene": text,
@@ -282,7 +297,7 @@ class TrajectoryWriter:
         if scene.restart is not None or start_time != 0:
             self._file.attrs["start_time"] = start_time
         group = self._file.create_group(GROUP)
-        self._sets = [
+        sets = [
             group.create_dataset(
                 name,
                 shape=(0, particles, 3),
@@ -297,15 +312,7 @@ class TrajectoryWriter:
         ]
         group["particle_type"] = np.full(particles, FLUID_TYPE, dtype=np.int64)
         self._file.flush()  # a file that a kill leaves is a trajectory, if one without frames
-        self._poses: list[Mapping[str, Pose]] = []  # of the frames in the buffer
-        # The first frame of each particle and the one after its last. All zero for those that have not yet come.
-        self._lifetimes = np.zeros((particles, 2), np.int64)
-        self._forces: list[Mapping[str, Wrench]] = []
-        # Frames that are not yet written, and memory to shuffle a chunk in. Reused memory stays in the cache.
-        self._buffer = np.empty((2, FRAMES_PER_FLUSH, particles, 3), dtype=np.float32)
-        self._shuffled = np.empty((4, FRAMES_PER_CHUNK * particles * 3), dtype=np.uint8)
-        self._written = 0
-        self._buffered = 0
+        return sets
 
     @property
     def frames(self) -> int:
