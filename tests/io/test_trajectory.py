@@ -407,3 +407,16 @@ def test_a_run_that_fails_leaves_the_older_trajectory_and_keeps_its_own_frames_b
     with Trajectory(path) as replaced:
         assert len(replaced) == 1
     assert [file.name for file in tmp_path.iterdir()] == ["water.h5"]
+
+
+def test_an_interrupt_before_the_first_frame_leaves_the_older_file_and_no_other(tmp_path, monkeypatch):
+    path = tmp_path / "a.h5"
+    path.write_bytes(b"older")
+
+    def interrupted(*_: object, **__: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(module.h5py.Group, "create_dataset", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        TrajectoryWriter(path, SCENE, Provenance("a test"), 2)
+    assert [file.read_bytes() for file in tmp_path.iterdir()] == [b"older"]
