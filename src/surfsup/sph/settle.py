@@ -8,7 +8,6 @@ from dataclasses import replace
 
 import numpy as np
 import torch
-from scipy.spatial import cKDTree
 
 from surfsup.scene import SPACING, InitialParticles, Scene
 from surfsup.scene.solids import Solids, constant
@@ -97,6 +96,8 @@ def at_rest(positions: np.ndarray, environment: Environment, speed_unit: float) 
 
 def without_overlaps(start: InitialParticles, settled_entries: Sequence[int], water: np.ndarray) -> InitialParticles:
     """``start`` without the particles of other entries that are too close to the settled ``water`` (M, 3)."""
+    from scipy.spatial import cKDTree
+
     tree = cKDTree(water)
     blocks: list[np.ndarray] = []
     velocities: list[Vector | np.ndarray] = []
