@@ -33,8 +33,8 @@ from surfsup.sph.open_water import OpenState, Passages, WithTaps, common_particl
 from surfsup.sph.rigid.bodies import RigidBodies
 from surfsup.sph.rigid.body import BodyState
 from surfsup.sph.scene_motion import SceneMotion, warn_jumps
-from surfsup.sph.settle import start_of
 from surfsup.sph.simulator import FluidState, Simulator
+from surfsup.sph.start import start_of
 from surfsup.sph.state import ParticleState
 
 COUPLINGS = 5  # of rigid bodies and water in a frame
@@ -165,10 +165,12 @@ class Simulation:
         self._simulator: Simulator[Any] = simulator.to(self._device)
         self.surface = self.motion.solids.still
         solid = self.motion.solids.at_time(self._start_time)
-        self.particles = start_of(scene, solid) if particles is None else particles
-        self._units = scene.units.around(scene, self.particles)
+        placed = scene.initial_particles(solid) if particles is None else particles
+        self._units = scene.units.around(scene, placed)
         self._environment = self._make_environment(self.motion.solids)
-        start = self._units.particles_to_solver(self.particles)
+        begun = start_of(scene, placed, self._environment, self._units) if particles is None else particles
+        self.particles = begun
+        start = self._units.particles_to_solver(begun)
         positions, velocities = (
             torch.from_numpy(values).to(self._device) for values in (start.positions, start.velocities)
         )
