@@ -90,8 +90,6 @@ class OutputOptions:
             }
             typer.echo(json.dumps({**result, "exported": exported}, indent=2))
             return
-        if excluded:
-            typer.echo(f"{excluded} particles that overlap the solid or each other at the start were omitted")
         if summary.entered or summary.left:
             typer.echo(f"{summary.entered} particles entered through taps, {summary.left} left through drains")
         typer.echo(

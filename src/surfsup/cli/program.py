@@ -31,6 +31,7 @@ from surfsup.cli.forces import forces
 from surfsup.cli.generate import floor, generate
 from surfsup.cli.live import live
 from surfsup.cli.locks import held_locks
+from surfsup.cli.missing import missing_parameters
 from surfsup.cli.option_groups import expand_option_groups
 from surfsup.cli.options import split_vectors
 from surfsup.cli.reference import reference
@@ -84,7 +85,9 @@ def main() -> None:
             status = app(args=split_vectors(sys.argv[1:]), standalone_mode=False)
         sys.stdout.flush()
     except (InputError, typer.TyperException) as error:
-        message = error.format_message() if isinstance(error, typer.TyperException) else str(error)
+        message = str(error)
+        if isinstance(error, typer.TyperException):
+            message = missing_parameters(error) or error.format_message()
         message = message.replace(NO_NUMBER, "it must be a number, without a unit (lengths are in meters)")
         sys.stderr.write(f"surfsup: {printable(message)}\n")
         sys.exit(BAD_INPUT)

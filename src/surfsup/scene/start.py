@@ -11,7 +11,7 @@ import numpy as np
 
 from surfsup.errors import InputError
 from surfsup.scene import quaternion
-from surfsup.scene.fill import distances
+from surfsup.scene.fill import Fill, distances
 from surfsup.scene.fluid import Block, Fluid, InitialParticles
 from surfsup.scene.particle_file import FileParticles, ParticleFile, read_particles
 from surfsup.scene.pose import Pose
@@ -45,6 +45,8 @@ def initial_particles(scene: Scene, surface: Surface | None) -> InitialParticles
         free = np.ones(len(positions), dtype=bool)
         if surface is not None and not isinstance(entry.content, ParticleFile):
             free &= distances(surface, positions) >= SURFACE_CLEARANCE * scene.units.length
+            if isinstance(entry.content, Fill) and entry.content.surface is None:  # water in a hollow ends at its walls
+                positions, free = positions[free], free[free]
         if len(placed):
             from scipy.spatial import cKDTree
 
