@@ -38,6 +38,8 @@ ROWS = (
     "physics_duct",
     "physics_drop",
     "honey_speed",
+    "start_up",
+    "design_bowl",
     "live",
     "thin_cup",
     "dam_break",
