@@ -59,7 +59,7 @@ def test_small_water_settles_like_large_water():
 
 
 def test_water_that_overlaps_settled_water_is_left_out():
-    scene = scene_of(Fill(below=0.19, settle=True), Block((-0.06, -0.06, 0.17), (0.06, 0.06, 0.4)))
+    scene = scene_of(Fill(below=0.19, settle=True), Block((-0.06, -0.06, 0.13), (0.06, 0.06, 0.4)))
     start = Simulation(scene, device="cpu").particles
     assert torch.pdist(torch.from_numpy(start.positions)).min() > 0.5 * SPACING
     assert start.excluded > 0

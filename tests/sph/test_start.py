@@ -9,7 +9,7 @@ import pytest
 from surfsup.native.dispatch import is_built
 from surfsup.scene import Scene
 from surfsup.simulation import Simulation
-from surfsup.sph.start import MovedApartWarning
+from surfsup.sph.start import MovedApartWarning, OmittedParticlesWarning
 
 DAM = "container: {size: [0.9, 0.24, 0.9]}\nfluid: [{block: {min: [-0.45, -0.12, 0], max: [-0.21, 0.12, 0.48]}}]\n"
 PADDLE = """
@@ -81,3 +81,12 @@ def test_particles_of_a_file_keep_their_places(tmp_path):
         "container: {size: [0.6, 0.6, 1]}\nfluid: [{particles: {file: water.npy}}]", "test", tmp_path
     )
     np.testing.assert_array_equal(Simulation(from_file, device="cpu").particles.positions, positions)
+
+
+def test_particles_that_have_no_place_are_told_of():
+    block = "fluid: [{block: {min: [-0.2, -0.2, 0.3], max: [0.2, 0.2, 0.6]}}]"
+    ball = f"surface: {{sphere: {{radius: 0.1}}, at: [0, 0, 0.3]}}\n{block}"
+    with pytest.warns(OmittedParticlesWarning, match=r"fluid: (\d+) particles that overlap the solid") as warned:
+        simulation = Simulation(Scene.from_yaml(ball, "test"), device="cpu")
+    omitted = [warning for warning in warned if warning.category is OmittedParticlesWarning]
+    assert f"fluid: {simulation.particles.excluded} particles" in str(omitted[0].message)

@@ -8,7 +8,6 @@ from dataclasses import replace
 
 import numpy as np
 import torch
-from scipy.spatial import cKDTree
 
 from surfsup.scene import SPACING, InitialParticles
 from surfsup.scene.strict_model import Vector
@@ -70,6 +69,8 @@ def resting(positions: np.ndarray, environment: Environment, speed_unit: float) 
 
 def without_overlaps(start: InitialParticles, settled_entries: Sequence[int], water: np.ndarray) -> InitialParticles:
     """``start`` without the particles of other entries that are too close to the settled ``water`` (M, 3)."""
+    from scipy.spatial import cKDTree
+
     tree = cKDTree(water)
     blocks: list[np.ndarray] = []
     velocities: list[Vector | np.ndarray] = []

@@ -19,6 +19,10 @@ CORNER_DISTANCE = (
 )
 
 
+class OmittedParticlesWarning(UserWarning):
+    """Particles have no place at the start; the message says how many."""
+
+
 class MovedApartWarning(UserWarning):
     """The water begins denser than at rest and was moved apart; the message says how far."""
 
@@ -43,6 +47,7 @@ def start_of(scene: Scene, particles: InitialParticles, environment: Environment
         units: of the solver.
 
     Warns:
+        OmittedParticlesWarning: particles of the scene overlap the solid or each other.
         MovedApartWarning: the start is denser than at rest, so that the water was moved apart.
         NotSettledWarning: water was still moving after the time limit.
     """
@@ -54,6 +59,12 @@ def start_of(scene: Scene, particles: InitialParticles, environment: Environment
         water = settled(water, environment, units.velocity)
     elif water is not placed:
         warn_moved(units.length * np.linalg.norm(water.positions - placed.positions, axis=1), scene.particle_radius)
+    if water.excluded:
+        warnings.warn(
+            f"fluid: {water.excluded} particles that overlap the solid or each other at the start were omitted",
+            OmittedParticlesWarning,
+            stacklevel=3,
+        )
     return particles if water is placed else units.particles_from_solver(water)
 
 

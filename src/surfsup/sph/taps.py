@@ -12,7 +12,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from surfsup.scene import SPACING
 from surfsup.scene.nozzle import Nozzle
@@ -153,6 +152,8 @@ class Taps:
 
     def find_layers(self, positions: np.ndarray, motion: CarrierMotion) -> list[Layer]:
         """The layers that are guided at time 0 among particles at ``positions`` (N, 3), whose ids are their indices."""
+        from scipy.spatial import cKDTree
+
         layers: list[Layer] = []
         if not len(positions):
             return layers

@@ -12,6 +12,7 @@ import warp as wp
 from torch import Tensor
 from torch.autograd.function import once_differentiable
 
+from surfsup import warp_runtime as runtime
 from surfsup.scene import FRAME_TIME
 from surfsup.sph.boundary.boundary_map import BoundaryMap
 from surfsup.sph.boundary.density import plane_fraction_table
@@ -19,13 +20,12 @@ from surfsup.sph.boundary.shape_functions import CELL_NODES, local_coordinates
 from surfsup.sph.boundary.walls import wall_cells
 from surfsup.sph.environment import Environment
 from surfsup.sph.state import SUBSTEP_TIME, SUBSTEPS
-from surfsup.sph.warp_engine import runtime
 from surfsup.sph.warp_engine.kernels.adjoint import adjoint_kernels
 from surfsup.sph.warp_engine.kernels.boundary import NO_SOLID, PLANE, VOLUME_MAP, boundary_kernels
 from surfsup.sph.warp_engine.kernels.substeps import substep_kernels
 from surfsup.sph.warp_engine.kernels.transfer import transfer_kernels
 from surfsup.sph.warp_engine.neighbors import NeighborSearch, empty_table
-from surfsup.sph.warp_engine.runtime import Precision, precision_of
+from surfsup.warp_runtime import Precision, precision_of
 
 
 @dataclass(frozen=True)

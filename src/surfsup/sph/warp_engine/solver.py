@@ -7,6 +7,7 @@ from functools import cache
 import torch
 from torch import Tensor
 
+from surfsup import warp_runtime as runtime
 from surfsup.native.dispatch import needs_gradient
 from surfsup.sph import dfsph
 from surfsup.sph.clearance import LastQuery
@@ -15,7 +16,6 @@ from surfsup.sph.kernel_sums import kernel_graph
 from surfsup.sph.kernels import KERNEL_SUPPORT
 from surfsup.sph.neighbor_search import find_neighbors
 from surfsup.sph.state import SUBSTEPS, ParticleState
-from surfsup.sph.warp_engine import runtime
 from surfsup.sph.warp_engine.collision import Collisions, Contained, NearList, leave_solid, near_list
 from surfsup.sph.warp_engine.device_frame import DeviceFrame
 from surfsup.sph.warp_engine.energy import LimitedFrame
@@ -28,7 +28,7 @@ from surfsup.sph.warp_engine.kernels.search import search_kernels
 from surfsup.sph.warp_engine.kernels.substeps import substep_kernels
 from surfsup.sph.warp_engine.kernels.transfer import transfer_kernels
 from surfsup.sph.warp_engine.neighbors import CAPACITY
-from surfsup.sph.warp_engine.runtime import precision_of
+from surfsup.warp_runtime import precision_of
 
 FACTORIES = (
     search_kernels,
@@ -106,7 +106,7 @@ class WarpSolver:
             while True:
                 near = None
                 if handle_collisions and environment.surface is not None:
-                    near = near_list(state.positions, environment.surface, self.room.rows)
+                    near = near_list(state.positions, self.room.rows)
                 if boundary.solid == PLANE or with_gradient:
                     frame, result = self._step_by_operations(
                         state, environment, boundary, near, handle_collisions, with_gradient
