@@ -78,7 +78,7 @@ class Continuation:
             if number:  # the first is the last of the file
                 entered = np.arange(self._ids, self._ids + max(0, 1 + int(frame.ids.max(initial=-1)) - len(self._last)))
                 ids = np.concatenate([self._last, entered])[frame.ids]
-                yield frame.positions, frame.velocities, frame.poses, ids, frame.forces
+                yield frame.positions, frame.velocities, frame.poses, ids, frame.forces, frame.liquids
 
 
 def kept_frame(trajectory: Trajectory, number: int) -> OutputFrame:
@@ -91,7 +91,8 @@ def kept_frame(trajectory: Trajectory, number: int) -> OutputFrame:
         for name, rows in trajectory.forces.items()
         if np.isfinite(rows[number]).all()
     }
-    return positions, velocities, poses, ids, forces
+    liquids = None if trajectory.liquids is None else trajectory.liquids[ids]
+    return positions, velocities, poses, ids, forces, liquids
 
 
 def described(scene: Scene) -> str:

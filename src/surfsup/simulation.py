@@ -12,6 +12,7 @@ import numpy as np
 import torch
 
 from surfsup.errors import InputError
+from surfsup.io.output_folder import OutputFrame
 from surfsup.io.trajectory import Provenance, TrajectoryWriter
 from surfsup.learned.loading import DEFAULT_SIMULATOR, load_simulator
 from surfsup.scene import FRAME_TIME, InitialParticles, Scene
@@ -34,6 +35,7 @@ from surfsup.sph.rigid.body import BodyState
 from surfsup.sph.scene_motion import SceneMotion, warn_jumps
 from surfsup.sph.settle import start_of
 from surfsup.sph.simulator import FluidState, Simulator
+from surfsup.sph.state import MixtureState, ParticleState, mixture_state
 
 COUPLINGS = 5  # of rigid bodies and water in a frame
 NO_FORCES: Mapping[str, Wrench] = {}
@@ -51,6 +53,8 @@ class Frame:
         ids: (N,) int64, ascending; a particle keeps its id. 0 to N - 1 where water neither enters nor leaves.
         forces: force and torque of the fluid on the solids that the scene names under ``forces``, mean over the time
             since the frame before. The first frame has none.
+        liquids: (N,) int32, in a scene of several liquids which of :attr:`surfsup.Scene.mixture` each particle is; None
+            in others.
 
     Examples:
         >>> import surfsup as sf
@@ -66,10 +70,16 @@ class Frame:
     poses: Mapping[str, Pose] = field(default_factory=dict)
     ids: np.ndarray = field(default_factory=lambda: np.empty(0, np.int64))
     forces: Mapping[str, Wrench] = field(default_factory=dict)
+    liquids: np.ndarray | None = None
 
     def __repr__(self) -> str:
         """The time and the number of particles, not all their numbers."""
         return f"<Frame at {self.time:g} s, {len(self.positions)} particles>"
+
+    @property
+    def recorded(self) -> OutputFrame:
+        """What a trajectory file has of it."""
+        return self.positions, self.velocities, self.poses, self.ids, self.forces, self.liquids
 
 
 @dataclass(frozen=True)
@@ -169,7 +179,7 @@ class Simulation:
         positions, velocities = (
             torch.from_numpy(values).to(self._device) for values in (start.positions, start.velocities)
         )
-        fluid = self._simulator.initial_state(positions, velocities, self._environment)
+        fluid = with_liquids(self._simulator.initial_state(positions, velocities, self._environment), start)
         self._bodies = RigidBodies(scene, self.motion.solids)
         self._crossings = CrossingCounter(handle_collisions)
         poses = self.motion.solids.poses(self._start_time)
@@ -191,7 +201,9 @@ class Simulation:
         """The particles now."""
         state = self._state
         fluid = state.fluid
-        return self._as_frame(self.time, fluid.positions, fluid.velocities, state.poses, ids_of(fluid), state.forces)
+        return self._as_frame(
+            self.time, fluid.positions, fluid.velocities, state.poses, ids_of(fluid), state.forces, liquids_of(fluid)
+        )
 
     def reset(self, state: SimulationState | None = None) -> None:
         """Return to an earlier state of this simulation, or of one of the same scene; by default to the start.
@@ -309,8 +321,10 @@ class Simulation:
             viscosity: m²/s; None for what the solver needs for calm water.
 
         Raises:
-            InputError: it is negative or not finite, or the simulator knows no liquids.
+            InputError: it is negative or not finite, the scene has several liquids, or the simulator knows none.
         """
+        if self.scene.mixture:
+            raise InputError("viscosity: the scene has several liquids, whose viscosities stay")
         liquid = Liquid(**{**dict(self._liquid or Liquid()), "viscosity": viscosity})
         forces = LiquidForces.of(self._units.liquid_to_solver(liquid))
         environment = replace(self._environment, liquid=forces)
@@ -321,7 +335,8 @@ class Simulation:
         solids = self._units.solids_to_solver(scene_solids, self._start_time)
         solver_scene = self._units.scene_to_solver(self.scene)
         environment = Environment.of(solver_scene, solids.still, self._device, solids)
-        environment = replace(environment, liquid=LiquidForces.of(self._units.liquid_to_solver(self._liquid)))
+        if self._liquid is not self.scene.liquid:  # of set_viscosity
+            environment = replace(environment, liquid=LiquidForces.of(self._units.liquid_to_solver(self._liquid)))
         if self._gravity is not None:
             environment = replace(environment, gravity=self._gravity)
         self._simulator.check_knows(environment)
@@ -380,7 +395,7 @@ class Simulation:
         frames, count = self.run(seconds), self.most_ids(seconds)
         with TrajectoryWriter(Path(path), self.scene, Provenance(self.name), count, start_time=self.time) as writer:
             for frame in frames:
-                writer.append(frame.positions, frame.velocities, frame.poses, frame.ids, frame.forces)
+                writer.append(*frame.recorded)
 
     def _frames(self, first: int, steps: float, interval: float) -> Iterator[Frame]:
         before, means = self._state, MeanForces()
@@ -416,7 +431,7 @@ class Simulation:
             result = resolve_collisions(old.positions, positions, velocities, environment)
             positions, velocities = result.positions, result.velocities
         time = self._start_time + target * self._units.frame_time
-        return self._as_frame(time, positions, velocities, poses, ids)
+        return self._as_frame(time, positions, velocities, poses, ids, liquids=liquids_of(new))
 
     def _motion_between(
         self, moving: MovingSolids, start: Mapping[str, Pose], end: Mapping[str, Pose], part: float = 1.0
@@ -438,10 +453,27 @@ class Simulation:
         poses: Mapping[str, Pose],
         ids: np.ndarray,
         forces: Mapping[str, Wrench] = NO_FORCES,
+        liquids: np.ndarray | None = None,
     ) -> Frame:
         """A frame with copies of the particles as NumPy arrays, in the units of the scene."""
         arrays = (values.detach().float().cpu().numpy().copy() for values in (positions, velocities))
-        return Frame(time, *self._units.frame_from_solver(*arrays), poses, ids, self._requested(forces))
+        return Frame(time, *self._units.frame_from_solver(*arrays), poses, ids, self._requested(forces), liquids)
+
+
+def with_liquids(fluid: FluidState, start: InitialParticles) -> FluidState:
+    """A state of the particles of ``start`` that knows which liquid each is, in a scene of several."""
+    if start.liquids is None:
+        return fluid
+    if isinstance(fluid, OpenState):
+        return replace(fluid, fluid=mixture_state(fluid.fluid, start.liquids))
+    assert isinstance(fluid, ParticleState)
+    return mixture_state(fluid, start.liquids)
+
+
+def liquids_of(fluid: FluidState) -> np.ndarray | None:
+    """The numbers (N,) of the liquids of the particles of a state; None in a scene of one liquid."""
+    particles = fluid.fluid if isinstance(fluid, OpenState) else fluid
+    return particles.liquids.numpy() if isinstance(particles, MixtureState) else None
 
 
 def ids_of(fluid: FluidState) -> np.ndarray:

@@ -51,7 +51,7 @@ def reference(
     most = len(particles.positions) + entering_particles(scene)
     folder = output.create_folder(scene_options.source, most, scene.frames)
     frames: Iterator[OutputFrame] = (
-        (*with_ids(scene, *frame, solids.poses(start_time + number * scene.frame_time)), {})
+        (*with_ids(scene, *frame, solids.poses(start_time + number * scene.frame_time)), {}, particles.liquids)
         for number, frame in enumerate(solver.simulate(scene, solids.still, particles, threads))
     )
     with progress_bar("simulating with SPlisHSPlasH") as bar:

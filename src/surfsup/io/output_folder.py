@@ -26,8 +26,10 @@ from surfsup.sdf.native_query import distance_native
 
 BYTES_PER_VALUE = 4
 # Positions and velocities (N, 3), the poses of what moves, ids (N,) of the particles, or None where no water enters or
-# leaves, and the forces on solids.
-OutputFrame = tuple[np.ndarray, np.ndarray, Mapping[str, Pose], np.ndarray | None, Mapping[str, Wrench]]
+# leaves, the forces on solids, and the number (N,) of the liquid of each particle, or None in a scene of one.
+OutputFrame = tuple[
+    np.ndarray, np.ndarray, Mapping[str, Pose], np.ndarray | None, Mapping[str, Wrench], np.ndarray | None
+]
 
 
 @dataclass(frozen=True)

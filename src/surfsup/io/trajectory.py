@@ -27,6 +27,7 @@ from surfsup.checked.tensors import finite_number
 from surfsup.errors import InputError
 from surfsup.io.reserved_space import ReservedSpace
 from surfsup.scene import Scene
+from surfsup.scene.particle_file import LIQUIDS, read_liquids
 from surfsup.scene.pose import Pose
 from surfsup.scene.wrench import Wrench
 
@@ -80,6 +81,8 @@ class TrajectoryFrames:
         velocities: (frames, particles, 3) float32 in m/s, at the end of each frame.
         lifetimes: (particles, 2) int64, the first frame of each particle and the one after its last; None where all
             particles are in all frames.
+        liquids: (particles,) int32, which of the scene's :attr:`~surfsup.Scene.mixture` each particle is; None in a
+            scene of one liquid.
     """
 
     def __init__(self, path: str | Path) -> None:
@@ -121,6 +124,7 @@ class TrajectoryFrames:
             self.lifetimes = lifetimes[:]
         if self.lifetimes is not None and self.lifetimes.shape != (self.positions.shape[1], 2):
             raise ValueError(f"{self.positions.shape} positions, {self.lifetimes.shape} lifetimes")
+        self.liquids = read_liquids(self._file, self.positions.shape[1])[0] if LIQUIDS in self._file else None
 
     def _frames_of(self, name: str) -> h5py.Dataset:
         data = stored_dataset(self._file, f"{GROUP}/{name}")
@@ -274,6 +278,7 @@ class TrajectoryWriter:
         # The first frame of each particle and the one after its last. All zero for those that have not yet come.
         self._lifetimes = np.zeros((particles, 2), np.int64)
         self._forces: list[Mapping[str, Wrench]] = []
+        self._liquids = np.zeros(particles, np.uint8)
         # Frames that are not yet written, and memory to shuffle a chunk in. Reused memory stays in the cache.
         self._buffer = np.empty((2, FRAMES_PER_FLUSH, particles, 3), dtype=np.float32)
         self._shuffled = np.empty((4, FRAMES_PER_CHUNK * particles * 3), dtype=np.uint8)
@@ -310,6 +315,9 @@ class TrajectoryWriter:
             )
             for name in ("position", "velocity")
         ]
+        if scene.mixture:
+            group["liquid"] = np.zeros(particles, np.uint8)
+            group["liquid"].attrs["density"] = [liquid.density for liquid in scene.mixture]
         group["particle_type"] = np.full(particles, FLUID_TYPE, dtype=np.int64)
         self._file.flush()  # a file that a kill leaves is a trajectory, if one without frames
         return sets
@@ -345,6 +353,7 @@ class TrajectoryWriter:
         poses: Mapping[str, Pose] | None = None,
         ids: np.ndarray | None = None,
         forces: Mapping[str, Wrench] | None = None,
+        liquids: np.ndarray | None = None,
     ) -> None:
         """Append a copy of one frame.
 
@@ -354,6 +363,7 @@ class TrajectoryWriter:
             poses: by name of all that moves.
             ids: (N,) of the particles that are in the scene, below the number of particles; by default all are.
             forces: of the fluid on solids, by name.
+            liquids: (N,), in a scene of several liquids the number of each particle's.
 
         Raises:
             InputError: the disk is full.
@@ -376,6 +386,8 @@ class TrajectoryWriter:
         here[:, 1] = self.frames + 1
         if some:
             self._lifetimes[ids] = here
+        if liquids is not None:
+            self._liquids[ids if some else slice(None)] = liquids
         frame[1] /= VELOCITY_STEP
         np.round(frame[1], out=frame[1])
         frame[1] *= VELOCITY_STEP
@@ -404,6 +416,8 @@ class TrajectoryWriter:
             self._write_poses()
             self._write_lifetimes()
             self._write_forces()
+            if LIQUIDS in self._file:
+                self._file[LIQUIDS][:] = self._liquids
             self._file.flush()
         except (OSError, RuntimeError) as error:
             raise InputError(f"{self._path}: cannot be written ({single_line(error)})") from None

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
@@ -19,7 +19,7 @@ from surfsup.sph.collision import resolve_collisions
 from surfsup.sph.drains import DrainRegion
 from surfsup.sph.environment import Environment
 from surfsup.sph.simulator import Simulator
-from surfsup.sph.state import ParticleState
+from surfsup.sph.state import MixtureState, ParticleState
 from surfsup.sph.taps import CarrierMotion, Layer, Taps
 
 
@@ -63,13 +63,25 @@ class OpenState:
         if kept.all():
             return self
         rows = torch.from_numpy(np.flatnonzero(kept)).to(self.positions.device)
-        return replace(self, fluid=ParticleState(self.positions[rows], self.velocities[rows]), ids=self.ids[kept])
+        return replace(self, fluid=self.fluid.rows(rows), ids=self.ids[kept])
 
-    def extended(self, positions: np.ndarray, velocities: np.ndarray, ids: np.ndarray) -> OpenState:
-        """The state with more particles, whose ids are above all that were given before."""
-        fluid = ParticleState(
-            torch.cat([self.positions, like(self.positions, positions)]),
-            torch.cat([self.velocities, like(self.velocities, velocities)]),
+    def extended(
+        self, positions: np.ndarray, velocities: np.ndarray, ids: np.ndarray, liquids: Sequence[np.ndarray] = ()
+    ) -> OpenState:
+        """The state with more particles, whose ids are above all that were given before.
+
+        Args:
+            positions: (K, 3), meters.
+            velocities: (K, 3), m/s.
+            ids: (K,), ascending.
+            liquids: numbers of their liquids, together (K,); none in a scene of one liquid.
+        """
+        new = {"positions": positions, "velocities": velocities}
+        if isinstance(self.fluid, MixtureState):
+            new["liquids"] = np.concatenate(liquids)
+        fluid = replace(
+            self.fluid,
+            **{name: torch.cat([value, like(value, new[name])]) for name, value in vars(self.fluid).items()},
         )
         return replace(self, fluid=fluid, ids=np.concatenate([self.ids, ids]), next_id=int(ids[-1]) + 1)
 
@@ -82,11 +94,13 @@ class Passages:
         taps: of the scene.
         drains: of the scene.
         rest: poses by name of all surfaces, at which those are that do not move.
+        liquids: number of the liquid of each tap in the scene's mixture; empty in a scene of one liquid.
     """
 
     taps: Taps
     drains: tuple[DrainRegion, ...]
     rest: Mapping[str, Pose]
+    liquids: tuple[int, ...] = ()
 
     @classmethod
     def of(cls, scene: Scene, solids: Solids, start_time: float) -> Passages:
@@ -110,7 +124,9 @@ class Passages:
             drains.append(DrainRegion(surface, start, until, drain.carrier))
         poses = carrier_poses(scene, solids, start_time)
         rest = {name: units.pose_to_solver(pose) for name, pose in poses.items()}
-        return cls(Taps(nozzles), tuple(drains), rest)
+        mixture = scene.mixture
+        liquids = tuple(mixture.index(scene.liquid_of(tap)) for tap in scene.taps) if mixture else ()
+        return cls(Taps(nozzles), tuple(drains), rest, liquids)
 
     def taken(self, before: np.ndarray, after: np.ndarray, end_time: float, motion: CarrierMotion) -> np.ndarray:
         """Which particles (N,) a drain takes in a frame, see :meth:`DrainRegion.takes`."""
@@ -218,7 +234,7 @@ class WithTaps(Simulator[OpenState]):
                 index = torch.from_numpy(rows).to(positions.device)
                 positions[index] = like(positions, place[there])
                 velocities[index] = like(velocities, velocity[there])
-            state = replace(state, fluid=ParticleState(positions, velocities))
+            state = replace(state, fluid=replace(state.fluid, positions=positions, velocities=velocities))
         return replace(state, layers=layers)
 
     def _cleared(
@@ -247,7 +263,7 @@ class WithTaps(Simulator[OpenState]):
             result = resolve_collisions(before.positions[index], *new, environment)
             new = result.positions, result.velocities
         positions[index], velocities[index] = new
-        return replace(after, fluid=ParticleState(positions, velocities))
+        return replace(after, fluid=replace(after.fluid, positions=positions, velocities=velocities))
 
     def _kept(self, before: OpenState, after: OpenState, motion: CarrierMotion) -> np.ndarray:
         """Which particles (N,) no drain takes in a frame that begins with ``before``."""
@@ -263,7 +279,10 @@ class WithTaps(Simulator[OpenState]):
             return state
         parts = [self.passages.taps.place(layer, state.time, motion) for layer in layers]
         positions, velocities = (np.concatenate(values) for values in zip(*parts, strict=True))
-        extended = state.extended(positions, velocities, np.concatenate([layer.ids for layer in layers]))
+        liquids = [
+            np.full(len(layer.ids), number) for layer in layers for number in self.passages.liquids[layer.tap :][:1]
+        ]
+        extended = state.extended(positions, velocities, np.concatenate([layer.ids for layer in layers]), liquids)
         return replace(extended, layers=(*state.layers, *layers), drained=drained)
 
 
@@ -281,7 +300,7 @@ def common_particles(
     entered = np.concatenate([np.empty(0, np.int64), *fresh])
     device = after.positions.device
     rows = torch.from_numpy(np.concatenate([new_rows, rows_of(entered, after.ids)[0]])).to(device)
-    new = ParticleState(after.positions[rows], after.velocities[rows])
+    new = after.fluid.rows(rows)
     here = torch.from_numpy(old_rows).to(device)
     come = new.positions[len(ids) :] - FRAME_TIME * new.velocities[len(ids) :]
     old = ParticleState(
