@@ -156,3 +156,13 @@ def test_warp_does_not_know_liquids():
     state = mixture_state(ParticleState(positions, torch.zeros(2, 3)), np.array([0, 1]))
     with pytest.raises(InputError, match=r"^liquids run in the C\+\+ code only"):
         DfsphSolver().step(state, environment)
+
+
+def test_taps_that_are_opened_later_have_liquids_of_the_scene():
+    simulation = Simulation(Scene(container=BOX, fluid=[block(0.01, 0.1, None), block(0.12, 0.2, OIL)]))
+    tap = sf.Tap(disc={"radius": 0.05}, at=(0, 0, 0.5), speed=1.0, liquid=OIL)
+    simulation.set_taps([tap])
+    last = [simulation.step() for _ in range(12)][-1]
+    assert last.liquids[-1] == 1 and len(last.liquids) == len(last.ids) > len(simulation.particles.positions)
+    with pytest.raises(InputError, match=r"has a liquid that the scene does not have$"):
+        simulation.set_taps([sf.Tap(disc={"radius": 0.05}, at=(0, 0, 0.5), speed=1.0, liquid="honey")])

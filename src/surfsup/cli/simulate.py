@@ -39,7 +39,6 @@ def simulate(
     from surfsup.simulation import Simulation
     from surfsup.sph.device import choose_device
     from surfsup.sph.thin_walls import thin_wall_warning
-    from surfsup.splishsplash.compressed_start import expansion_warning
 
     began = time.perf_counter()
     simulator, card = load_simulator(simulator_name)
@@ -59,8 +58,6 @@ def simulate(
     else:
         simulation = simulation_of(scene)
         if warning := thin_wall_warning(simulation.motion.solids, scene.units):
-            warnings.warn(warning, stacklevel=1)
-        if warning := expansion_warning(scene, simulation.particles):
             warnings.warn(warning, stacklevel=1)
         most_ids = simulation.most_ids()
         frames = (frame.recorded for frame in simulation.run())
