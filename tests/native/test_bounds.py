@@ -68,7 +68,13 @@ def test_solids_nested_by_the_thousand_are_refused_before_the_stack_ends():
 
 @pytest.mark.parametrize(
     ("resolution", "indices", "stored"),
-    [((-1, -1, 2), 2, 2), ((2, 2, 2), 8, 0), ((2, 2, 2), 7, 2), ((2**31 - 1, 2**31 - 1, 8), 8, 2), ((2**25, 1, 1), 8, 2)],
+    [
+        ((-1, -1, 2), 2, 2),
+        ((2, 2, 2), 8, 0),
+        ((2, 2, 2), 7, 2),
+        ((2**31 - 1, 2**31 - 1, 8), 8, 2),
+        ((2**25, 1, 1), 8, 2),
+    ],
 )
 def test_a_boundary_map_has_the_cells_that_it_says(resolution, indices, stored):
     with pytest.raises(ValueError, match="cell"):
@@ -84,11 +90,6 @@ def test_a_boundary_map_stores_the_cells_that_it_names():
 def boundary_map(resolution, cell_indices, stored):
     size = np.ones(3, np.float32)
     return native.BoundaryMap(size, size, np.int32(resolution), cell_indices, np.zeros((stored, 2, 32), np.float32))
-
-
-def test_a_solver_needs_a_table_of_volume_fractions():
-    with pytest.raises(ValueError, match="two volume fractions"):
-        native.Solver(native.SolverParameters())
 
 
 @pytest.mark.parametrize(

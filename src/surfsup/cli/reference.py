@@ -41,11 +41,12 @@ def reference(
         warnings.warn("the reference records no forces on solids; the solver dfsph does", stacklevel=1)
     if scene.flush:
         warnings.warn("the reference keeps its water off flush surfaces, too", stacklevel=1)
-    solids = build_solids(scene)
-    start_time = scene.start_time
-    check_taps_and_drains(scene, solids)
-    solid = solids.at_time(start_time)
-    particles = start_of(scene, solid)
+    with scene_options.named():
+        solids = build_solids(scene)
+        start_time = scene.start_time
+        check_taps_and_drains(scene, solids)
+        solid = solids.at_time(start_time)
+        particles = start_of(scene, solid)
     solver.check_installed()
     particles = without_compression(scene, solid, particles)
     most = len(particles.positions) + entering_particles(scene)

@@ -38,12 +38,6 @@ void make_boundary_map(surfsup::BoundaryMap* map, Vector lower, Vector cell, Sma
     for (int axis = 0; axis < 3; ++axis) map->cells_per_meter.push_back(1.0f / cell.data()[axis]);
 }
 
-void make_solver(surfsup::Solver* solver, const surfsup::SolverParameters& parameters) {
-    if (parameters.substeps < 1 || parameters.boundary.plane_fraction.size() < 2)
-        throw std::invalid_argument("a solver needs a substep, and two volume fractions of a plane");
-    new (solver) surfsup::Solver(parameters);
-}
-
 // Arrays of a particle's last substep, in the order of surfsup::SubstepRecord.
 using Record = std::tuple<NewVectors, NewKernelSums, NewVectors, NewValues, NewVectors, NewValues, NewValues>;
 
@@ -313,7 +307,7 @@ void add_solver(nb::module_& module) {
         .def_ro("outer_work", &StepResult::outer_work)
         .def_ro("finished", &StepResult::finished);
     nb::class_<surfsup::Solver>(module, "Solver")
-        .def("__init__", make_solver, "parameters"_a)
+        .def(nb::init<SolverParameters>(), "parameters"_a)
         .def("step", step, nb::kw_only(), array("positions"), array("velocities"), array("gravity"), array("lower"),
              array("upper"), "boundary_map"_a.none(), array("rotation"), "solid"_a.none(), "handle_collisions"_a,
              array("query_positions"), array("query_distance"), array("new_positions"), array("new_velocities"),
