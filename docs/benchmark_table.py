@@ -38,6 +38,7 @@ ROWS = (
     "physics_duct",
     "physics_drop",
     "honey_speed",
+    "live",
     "thin_cup",
     "dam_break",
     "stability",

@@ -6,7 +6,7 @@ import torch
 
 from surfsup import Block, Frame, InputError, Liquid, Scene, Simulation, Sphere, Trajectory, Transformed
 from surfsup.native.dispatch import is_built
-from surfsup.scene import FRAME_TIME
+from surfsup.scene import FRAME_TIME, Tap
 from surfsup.sph.collision import CLEARANCE
 from surfsup.sph.state import ParticleState
 from tests.scene.similar import similar_scene
@@ -214,6 +214,45 @@ def test_another_viscosity_acts_from_the_next_step_on_and_stays():
     np.testing.assert_array_equal(last(simulation).positions, thin)
     with pytest.raises(InputError, match="greater than or equal to 0"):
         simulation.set_viscosity(-1.0)
+
+
+def test_a_tap_that_opens_later_gives_what_that_of_the_scene_gives():
+    tap = Tap(disc={"radius": 0.05}, at=(0, 0, 1), speed=1.0, start=0.1)
+    fluid = [Block((-0.1, -0.1, 0), (0.1, 0.1, 0.3))]
+    expected = last(Simulation(Scene(fluid=fluid, taps=[tap], frames=60)))
+    simulation = Simulation(Scene(fluid=fluid, frames=60))
+    for _ in range(10):
+        simulation.step()
+    before = simulation.state
+    simulation.set_taps([tap])
+    while simulation.time < expected.time - 1e-9:
+        frame = simulation.step()
+    np.testing.assert_array_equal(frame.positions, expected.positions)
+    np.testing.assert_array_equal(frame.ids, expected.ids)
+    simulation.reset(before)
+    assert len(simulation.frame.positions) == len(simulation.particles.positions)
+
+    # Another tap beside it leaves the first as it is.
+    simulation.set_taps([Tap(disc={"radius": 0.05}, at=(0.3, 0, 1), speed=1.0), tap])
+    while simulation.time < expected.time - 1e-9:
+        frame = simulation.step()
+    assert len(frame.ids) > len(expected.ids)
+    with pytest.raises(InputError, match=r"taps\.0\.carrier: there is no surface 'cup'"):
+        simulation.set_taps([Tap(disc={"radius": 0.05}, at=(0, 0, 1), speed=1.0, carrier="cup")])
+
+
+def test_the_water_of_a_tap_that_is_closed_flows_freely():
+    tap = Tap(disc={"radius": 0.05}, at=(0, 0, 1), direction=(1, 0, 0), speed=0.5)
+    simulation = Simulation(Scene(taps=[tap], container={"size": (2, 2, 2)}))
+    for _ in range(20):
+        frame = simulation.step()
+    assert np.abs(frame.velocities[-1, 2]) < 1e-6, "guided"
+    simulation.set_taps([])
+    count = len(frame.ids)
+    for _ in range(20):
+        frame = simulation.step()
+    assert len(frame.ids) == count
+    np.testing.assert_allclose(frame.velocities[-1], [0.5, 0, -9.81 * 0.1], atol=0.1)
 
 
 def last(simulation: Simulation) -> Frame:

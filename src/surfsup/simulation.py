@@ -20,6 +20,7 @@ from surfsup.scene.liquid import Liquid
 from surfsup.scene.pose import NO_ROTATION, Pose, between
 from surfsup.scene.solids import Solids
 from surfsup.scene.tap_checks import check_taps_and_drains
+from surfsup.scene.taps import Tap
 from surfsup.scene.wrench import Wrench
 from surfsup.sph.collision import resolve_collisions
 from surfsup.sph.crossings import CrossingCounter
@@ -33,9 +34,10 @@ from surfsup.sph.open_water import OpenState, Passages, WithTaps, common_particl
 from surfsup.sph.rigid.bodies import RigidBodies
 from surfsup.sph.rigid.body import BodyState
 from surfsup.sph.scene_motion import SceneMotion, warn_jumps
-from surfsup.sph.settle import start_of
 from surfsup.sph.simulator import FluidState, Simulator
-from surfsup.sph.thin_walls import thin_wall_warning
+from surfsup.sph.start import start_of
+from surfsup.sph.state import ParticleState
+from surfsup.sph.thin_walls import ThinWallWarning, thin_wall_warning
 
 COUPLINGS = 5  # of rigid bodies and water in a frame
 NO_FORCES: Mapping[str, Wrench] = {}
@@ -123,7 +125,7 @@ class Simulation:
         motion: what moves; :meth:`set_pose` and :meth:`set_motion` control it.
         particles: of the first frame.
 
-    Walls that are too thin for the particles are warned of (``UserWarning``).
+    Walls that are too thin for the particles are warned of (``ThinWallWarning``).
 
     Raises:
         InputError: simulator, device or a file of the scene cannot be used, no particle is left, or a rigid body has no
@@ -159,6 +161,7 @@ class Simulation:
         self._start_time = scene.start_time
         self._gravity: torch.Tensor | None = None  # of set_gravity
         self._liquid = scene.liquid
+        self._taps = list(scene.taps)
         self.motion = SceneMotion(scene)
         if scene.is_open:
             check_taps_and_drains(scene, self.motion.solids)
@@ -166,12 +169,14 @@ class Simulation:
         self._simulator: Simulator[Any] = simulator.to(self._device)
         self.surface = self.motion.solids.still
         if warning := thin_wall_warning(self.motion.solids, scene.units):
-            warnings.warn(warning, stacklevel=2)
+            warnings.warn(warning, ThinWallWarning, stacklevel=2)
         solid = self.motion.solids.at_time(self._start_time)
-        self.particles = start_of(scene, solid) if particles is None else particles
-        self._units = scene.units.around(scene, self.particles)
+        placed = scene.initial_particles(solid) if particles is None else particles
+        self._units = scene.units.around(scene, placed)
         self._environment = self._make_environment(self.motion.solids)
-        start = self._units.particles_to_solver(self.particles)
+        begun = start_of(scene, placed, self._environment, self._units) if particles is None else particles
+        self.particles = begun
+        start = self._units.particles_to_solver(begun)
         positions, velocities = (
             torch.from_numpy(values).to(self._device) for values in (start.positions, start.velocities)
         )
@@ -217,7 +222,10 @@ class Simulation:
             )
         # What began to move after that state stood at rest in it.
         rest = {name: pose for name, pose in movable.items() if name not in state.poses}
-        self._state = replace(state, poses={**rest, **state.poses}) if rest else state
+        state = replace(state, poses={**rest, **state.poses}) if rest else state
+        if isinstance(self._simulator, WithTaps):  # since set_taps
+            state = replace(state, fluid=open_fluid(state))
+        self._state = state
 
     @torch.no_grad()
     def step(self) -> Frame:
@@ -322,6 +330,26 @@ class Simulation:
         environment = replace(self._environment, liquid=forces)
         self._simulator.check_knows(environment)
         self._liquid, self._environment = liquid, environment
+
+    def set_taps(self, taps: Sequence[Tap]) -> None:
+        """Let these taps give water from the next step on, in the place of all others; :meth:`reset` keeps them.
+
+        A tap opens and closes at its own times, in seconds of the scene. Water that a tap guides continues as it began
+        if the tap stays, and flows freely from now on if it does not.
+
+        Raises:
+            InputError: a tap is in a solid or outside the container, or the simulator knows no taps.
+        """
+        scene = self.scene.with_taps(taps)
+        check_taps_and_drains(scene, self.motion.solids, self._state.poses)
+        passages = Passages.of(scene, self.motion.solids, self._start_time, self._units)
+        changed = WithTaps.around(self._simulator, passages)
+        old = self._simulator.passages.taps.nozzles if isinstance(self._simulator, WithTaps) else ()
+        new = passages.taps.nozzles
+        stay = {id(nozzle): new[taps.index(tap)] for tap, nozzle in zip(self._taps, old, strict=True) if tap in taps}
+        self._start = replace(self._start, fluid=open_fluid(self._start))
+        self._state = replace(self._state, fluid=open_fluid(self._state).guided_by(stay))
+        self._simulator, self._taps = changed, list(taps)
 
     def _make_environment(self, scene_solids: Solids) -> Environment:
         solids = self._units.solids_to_solver(scene_solids, self._start_time)
@@ -448,6 +476,12 @@ class Simulation:
         """A frame with copies of the particles as NumPy arrays, in the units of the scene."""
         arrays = (values.detach().float().cpu().numpy().copy() for values in (positions, velocities))
         return Frame(time, *self._units.frame_from_solver(*arrays), poses, ids, self._requested(forces))
+
+
+def open_fluid(state: SimulationState) -> OpenState:
+    """The particles of a state as those of a simulation in which water enters or leaves."""
+    assert isinstance(state.fluid, OpenState | ParticleState)  # the solver's
+    return OpenState.of(state.fluid, state.frame)
 
 
 def ids_of(fluid: FluidState) -> np.ndarray:

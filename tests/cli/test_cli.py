@@ -121,7 +121,8 @@ def test_an_evaluation_writes_a_report_and_its_rollout_can_be_compared_again(tmp
     ("arguments", "message"),
     [
         (["simulat"], "Did you mean 'simulate'"),
-        (["simulate"], "Missing argument"),
+        (["simulate"], "SURFACE|SCENE.yaml is missing, as in: surfsup simulate bunny.obj"),
+        (["train", "surfsup"], "--validation and --out are missing, as in: surfsup train surfsup --data"),
         (["simulate", "nothing.obj"], "nothing.obj"),
         (["simulate", "SCENE", "--frames", "0"], "greater than or equal to 1"),
         (["simulate", "SCENE", "--simulator", "absent"], "there is no simulator 'absent'"),

@@ -13,7 +13,7 @@ from surfsup.io.trajectory import POSES, Provenance, TrajectoryWriter
 from surfsup.native.dispatch import is_built
 from surfsup.scene import Scene
 from surfsup.simulation import Simulation
-from surfsup.viewing.trajectory_pictures import write_trajectory_page
+from surfsup.viewing.trajectory_page import write_trajectory_page
 
 SPIN = """
 surfaces:

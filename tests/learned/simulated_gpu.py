@@ -17,7 +17,7 @@ import warp
 from torch.utils._python_dispatch import TorchDispatchMode
 from torch.utils._pytree import tree_leaves, tree_map
 
-from surfsup.sph.warp_engine import runtime
+from surfsup import warp_runtime as runtime
 
 GPU = torch.device("cuda:0")
 INTERNAL_DEVICE = "meta"  # the device in torch's C++: it is not the CPU, and every build of torch has it

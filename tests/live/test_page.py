@@ -8,14 +8,16 @@ import shutil
 import socket
 import threading
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 import surfsup as sf
 from surfsup.live import serve
-from surfsup.live.page import speed_colors, tilted_gravity
+from surfsup.live.page import LivePage, speed_colors, tilted_gravity
 from surfsup.live.serve import LiveServer
+from surfsup.live.world import LiveWorld
 from surfsup.scene import Scene
 
 pytest.importorskip("viser")
@@ -63,18 +65,23 @@ def browser():
         browser.close()
 
 
-@pytest.fixture
-def page(served, browser):
-    """The page, paused."""
-    server, address = served
-    if not server._page.paused:
-        server._page._toggle_pause()
+@pytest.fixture(scope="module")
+def opened(served, browser):
+    """The page."""
     page = browser.new_page(viewport={"width": 360, "height": 300})
     page.set_default_timeout(TIMEOUT * 1000)
-    page.goto(address)
+    page.goto(served[1])
     page.get_by_role("button", name="Reset").wait_for()
     yield page
     page.close()
+
+
+@pytest.fixture
+def page(served, opened):
+    """The page, paused."""
+    if not served[0]._page.paused:
+        served[0]._page._toggle_pause()
+    return opened
 
 
 def wait_for(condition, seconds=TIMEOUT):
@@ -129,7 +136,7 @@ def test_water_is_poured_recorded_and_tilted_and_the_solid_moves(served, page):
     wait_for(lambda: world.frame.poses["solid"].position[0] > 0.04)
     click(page, "Pause")
 
-    tilt = page.get_by_role("slider").nth(3)  # after those of the block's side and height: the tilt about y
+    tilt = page.get_by_role("slider").nth(5)  # after those of the block and of the tap: the tilt about y
     tilt.focus()
     for _ in range(5):
         tilt.press("ArrowRight")
@@ -144,6 +151,29 @@ def test_water_is_poured_recorded_and_tilted_and_the_solid_moves(served, page):
     wait_for(lambda: world.scene.particle_radius == 0.02)
 
 
+def test_a_tap_is_opened_changed_and_closed(served, page):
+    world = served[0]._world
+    click(page, "Reset")
+    page.get_by_text("back at the start").wait_for()
+    count = len(world.frame.positions)
+    click(page, "Open tap")
+    page.get_by_text("the tap is open: 4 liters a second").wait_for()
+    page.get_by_role("button", name="Close tap").wait_for()
+
+    click(page, "Resume")
+    wait_for(lambda: len(world.frame.positions) > count + 40)
+    click(page, "Pause")
+    flow = page.get_by_role("slider").nth(3)  # after those of the block and of the opening
+    flow.focus()
+    flow.press("ArrowRight")
+    wait_for(lambda: world.tap.flow == pytest.approx(4.1))
+
+    click(page, "Close tap")
+    page.get_by_text("the tap is closed").wait_for()
+    assert world.tap is None
+    page.get_by_role("button", name="Open tap").wait_for()
+
+
 def test_a_browser_that_left_does_not_end_it(served, browser):
     server, address = served
     if server._page.paused:
@@ -154,6 +184,36 @@ def test_a_browser_that_left_does_not_end_it(served, browser):
         time_then = server._world.simulation.time
         wait_for(lambda time_then=time_then: server._world.simulation.time != time_then)
         page.close()
+
+
+def test_pictures_that_a_slow_browser_does_not_take_are_dropped(tmp_path):
+    # A browser that reads nothing for a while, then everything: it gets the newest picture, and few of those before.
+    import viser
+    from websockets.sync.client import connect
+
+    world, particles, pictures = LiveWorld(Scene.from_yaml(SCENE, "test"), tmp_path), 40_000, 60
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = probe.getsockname()[1]
+    server = viser.ViserServer("127.0.0.1", port, verbose=False)
+    page = LivePage(server, world)
+    positions = np.random.default_rng(0).random((pictures, particles, 3), np.float32)
+    with socket.create_connection(("127.0.0.1", port)) as slow:
+        slow.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 65536)
+        protocol = f"viser-v{viser.__version__}"
+        address, limits = f"ws://127.0.0.1:{port}", {"max_size": None, "max_queue": 1, "ping_interval": None}
+        with connect(address, sock=slow, subprotocols=[protocol], **limits) as browser:
+            for places in positions:
+                page.show(replace(world.frame, positions=places, velocities=np.zeros_like(places)), world)
+                time.sleep(1 / 40)
+            received, newest = 0, positions[-1].astype(np.float16).tobytes()  # as viser sends them
+            while True:
+                message = browser.recv(timeout=10)
+                received += len(message)
+                if newest in message:
+                    break
+    server.stop()
+    assert received < 0.5 * pictures * (len(newest) + 3 * particles), "bytes of all positions and colors"
 
 
 def test_fast_water_is_white_and_slow_water_blue():

@@ -170,5 +170,77 @@ def test_water_is_poured_beside_that_of_a_tap(tmp_path):
     for _ in range(20):
         frame = world.step()
     assert np.isfinite(frame.positions).all() and count(world) > start + entered
-    with pytest.raises(InputError, match="taps"):
-        world.start_recording()
+
+
+def test_a_tap_gives_its_flow_until_it_is_closed(world):
+    start = count(world)
+    world.open_tap((0, 0, 0.8), 0.05, 5.0)
+    for _ in range(100):
+        frame = world.step()
+    liters = (count(world) - start) * world.scene.spacing**3 * 1000
+    assert liters == pytest.approx(0.5 * 5.0, abs=0.3)
+    assert np.isfinite(frame.positions).all()
+
+    before = count(world)
+    world.open_tap((0.1, 0, 0.8), 0.05, 10.0)
+    for _ in range(100):
+        frame = world.step()
+    assert (count(world) - before) * world.scene.spacing**3 * 1000 == pytest.approx(0.5 * 10.0, abs=0.3)
+    young = frame.positions[-5:]
+    np.testing.assert_allclose(young[:, :2].mean(0), [0.1, 0], atol=0.06)
+
+    world.close_tap()
+    before = count(world)
+    for _ in range(20):
+        world.step()
+    assert count(world) == before and world.tap is None
+    world.open_tap((0, 0, 0.8), 0.05, 5.0)
+    world.reset()
+    assert world.tap is None and count(world) == start
+    world.step()
+    assert count(world) == start
+
+
+def test_a_tap_without_room_changes_nothing(world):
+    world.open_tap((0, 0, 0.8), 0.05, 5.0)
+    tap = world.tap
+    for place, radius, message in [
+        ((0, 0, 0.1), 0.05, "in a solid"),
+        ((2, 0, 0.5), 0.05, "outside the container"),
+        ((0, 0, 0.8), 0.01, "radius of 0.01 m is less"),
+    ]:
+        with pytest.raises(InputError, match=message):
+            world.open_tap(place, radius, 5.0)
+    before = count(world)
+    for _ in range(50):
+        world.step()
+    assert world.tap is tap and count(world) > before
+
+
+def test_a_tap_follows_the_solid_that_moved_away(world):
+    world.move(SOLID, Pose.of((0.2, 0, 0.1)))
+    for _ in range(60):
+        world.step()
+    world.open_tap((0, 0, 0.15), 0.04, 2.0)  # where the solid was
+    with pytest.raises(InputError, match="in a solid"):
+        world.open_tap((0.2, 0, 0.15), 0.04, 2.0)
+
+
+def test_water_of_a_tap_is_recorded(world, monkeypatch):
+    monkeypatch.setattr("surfsup.live.recording.ROOM", 20)
+    monkeypatch.setattr("surfsup.live.recording.GROWTH", 0.0)
+    path = world.start_recording()
+    frames = [world.frame, world.step()]
+    world.open_tap((0, 0, 0.8), 0.05, 10.0)
+    for _ in range(60):
+        frames.append(world.step())
+    world.pour((0, 0, 0.6), (0.1, 0.1, 0.1))
+    frames[-1] = world.frame
+    frames.append(world.step())
+    assert world.stop_recording() == path
+    assert [file.name for file in path.parent.iterdir()] == [path.name], "the files became one"
+    with sf.Trajectory(path) as trajectory:
+        assert len(trajectory) == len(frames) and trajectory.positions.shape[1] == len(frames[-1].ids)
+        for number, frame in enumerate(frames):
+            np.testing.assert_array_equal(trajectory.ids(number), frame.ids)
+            np.testing.assert_array_equal(trajectory.positions[number][frame.ids], frame.positions)

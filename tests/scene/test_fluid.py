@@ -36,7 +36,7 @@ def test_a_block_takes_its_corners_by_position():
     ("maximum", "message"),
     [
         ((1.0, 1.0, float("nan")), "Block: max.2: Input should be a finite number"),
-        ((1.0, 1.0), "Block: max.2: Field required"),
+        ((1.0, 1.0), "Block: max.2: is missing"),
     ],
 )
 def test_an_invalid_block_is_an_error_of_one_line(maximum, message):

@@ -30,6 +30,9 @@ def test_a_mesh_of_any_size_is_scaled_onto_the_floor_with_water_above(brick):
     np.testing.assert_allclose(np.subtract(block.max, block.min), BLOCK_SIDE)
     assert "4 x 2 x 1" in summary
     assert "0.70 x 0.35 x 0.17" in summary
+    assert summary.endswith(
+        "from (-0.225, -0.225, 0.275) to (0.225, 0.225, 0.725); --block-min and --block-max move it"
+    )
     assert scene.initial_particles(scene.build_surface()).excluded == 0
 
 
@@ -44,7 +47,8 @@ def test_a_mesh_can_be_rotated_moved_and_left_unscaled(tmp_path):
 
 def test_a_given_block_replaces_the_default_one(brick):
     block = Block(min=(-0.1, -0.1, 1.0), max=(0.1, 0.1, 1.2), velocity=(0.0, 0.0, -1.0))
-    scene, _ = build(brick, block=block)
+    scene, summary = build(brick, block=block)
+    assert "--block-min" not in summary
     assert scene.fluid[0].block == block
 
 

@@ -45,7 +45,7 @@ def test_a_scene_with_taps_and_drains_is_written_as_it_was_read(tmp_path):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("taps: []", "fluid: Field required"),
+        ("taps: []", "fluid: is missing"),
         ("fluid: []", "fluid: is empty, and there are no taps; give water or a tap"),
         (f"taps: [{{{TAP}}}]", "taps.0: give either speed in m/s or flow in liters a second"),
         (f"taps: [{{{TAP}, speed: 1, flow: 1}}]", "taps.0: give either speed in m/s or flow"),

@@ -10,7 +10,7 @@ from surfsup.scene import SPACING, Fill
 from surfsup.scene.pose import Pose
 from surfsup.sph import settle
 from surfsup.sph.collision import CLEARANCE
-from surfsup.sph.settle import NotSettledWarning, start_of
+from surfsup.sph.settle import NotSettledWarning
 
 CUP = {"bowl": {"capture_radius": 0.14}, "at": [0, 0, 0.2]}
 
@@ -23,7 +23,7 @@ def scene_of(*fluid: object, **values: object) -> Scene:
 def test_settled_water_begins_at_rest_and_stays_so():
     scene = scene_of(Fill(below=0.19, settle=True))
     surface = scene.build_surface()
-    start = start_of(scene, surface)
+    start = Simulation(scene, device="cpu").particles
     assert len(start.positions) == len(scene.initial_particles(surface).positions)
     assert not start.velocities.any()
     assert surface.distance(torch.from_numpy(start.positions)).min() > CLEARANCE - 1e-4
@@ -38,7 +38,7 @@ def test_settled_water_begins_at_rest_and_stays_so():
 def test_other_water_waits_until_the_cup_is_at_rest():
     drop = Block((-0.06, -0.06, 0.4), (0.06, 0.06, 0.52), velocity=(0, 0, -1))
     scene = scene_of(Fill(below=0.19, settle=True, velocity=(0.1, 0, 0)), drop)
-    start = start_of(scene, scene.build_surface())
+    start = Simulation(scene, device="cpu").particles
     np.testing.assert_array_equal(start.block_positions[1], drop.positions())
     assert start.block_velocities == [(0.1, 0.0, 0.0), (0.0, 0.0, -1.0)]
 
@@ -53,14 +53,14 @@ def test_small_water_settles_like_large_water():
         Scene.from_yaml(text.format(*(s * length for length in (1.0, 0.015, 0.14, 0.04, 0.2, 0.19))), "cup")
         for s in (1.0, 0.25)
     ]
-    large, small = (start_of(scene, scene.build_surface()) for scene in scenes)
+    large, small = (Simulation(scene, device="cpu").particles for scene in scenes)
     assert small.block_velocities == [(0.1, 0.0, 0.0)]
     assert small.positions[:, 2].mean() == pytest.approx(large.positions[:, 2].mean() / 4, abs=1e-5)
 
 
 def test_water_that_overlaps_settled_water_is_left_out():
-    scene = scene_of(Fill(below=0.19, settle=True), Block((-0.06, -0.06, 0.17), (0.06, 0.06, 0.4)))
-    start = start_of(scene, scene.build_surface())
+    scene = scene_of(Fill(below=0.19, settle=True), Block((-0.06, -0.06, 0.13), (0.06, 0.06, 0.4)))
+    start = Simulation(scene, device="cpu").particles
     assert torch.pdist(torch.from_numpy(start.positions)).min() > 0.5 * SPACING
     assert start.excluded > 0
 
@@ -69,7 +69,7 @@ def test_water_that_does_not_come_to_rest_gives_one_warning(monkeypatch):
     monkeypatch.setattr(settle, "MAX_FRAMES", 20)
     scene = scene_of(Fill(below=0.19, settle=True))
     with pytest.warns(NotSettledWarning, match="water that settles still moves at") as warned:
-        start_of(scene, scene.build_surface())
+        Simulation(scene, device="cpu")
     assert len(warned) == 1 and "\n" not in str(warned[0].message)
 
 
@@ -107,7 +107,7 @@ def test_water_settles_in_a_container_that_begins_tilted(monkeypatch):
     pose = scene_pose(scene, 0.0)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", NotSettledWarning)
-        start = start_of(scene, None)
+        start = Simulation(scene, device="cpu").particles
     own = pose.to_own(start.positions)
     assert (np.abs(own[:, :2]) < 0.2).all() and (own[:, 2] > 0).all() and own[:, 2].min() < 0.03
     assert own[:, 0].mean() > 0.05  # the lower side

@@ -12,7 +12,7 @@ from surfsup.scene.units import Units
 from surfsup.sdf import Box, Sphere, Torus, Transformed
 from surfsup.sdf.mesh.surface import MeshSurface
 from surfsup.simulation import Simulation
-from surfsup.sph.thin_walls import thin_wall, thin_wall_warning
+from surfsup.sph.thin_walls import ThinWallWarning, thin_wall, thin_wall_warning
 
 LIMIT = 0.02
 
@@ -53,7 +53,7 @@ def test_the_warning_names_the_solid_and_a_radius_that_is_small_enough():
 def test_a_simulation_in_python_warns_of_them():
     water = [Block((0, 0, 0.6), (0.1, 0.1, 0.7))]
     plate = Transformed(Box((0.5, 0.5, 0.004)), translation=(0, 0, 0.4))
-    with pytest.warns(UserWarning, match="walls of the solid are 4 mm thick"):
+    with pytest.warns(ThinWallWarning, match="walls of the solid are 4 mm thick"):
         Simulation(Scene(surface=plate, fluid=water), device="cpu")
     with warnings.catch_warnings():
         warnings.simplefilter("error")

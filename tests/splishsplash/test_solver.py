@@ -13,6 +13,8 @@ from surfsup.errors import InputError
 from surfsup.io.trajectory import Provenance, Trajectory, TrajectoryWriter
 from surfsup.scene import FRAME_TIME, Block, Scene
 from surfsup.scene.solids import build_solids
+from surfsup.simulation import Simulation
+from surfsup.sph.start import MovedApartWarning
 from surfsup.splishsplash import job_files, solver
 from tests.scene.similar import similar_scene
 
@@ -287,3 +289,16 @@ def test_the_water_of_a_container_that_moves_moves_with_it():
     shift = build_solids(scene).container(60 * FRAME_TIME).position
     assert (np.abs(positions[-1][:, :2] - shift[:2]) < 0.15).all()
     assert positions[-1][:, 0].mean() == pytest.approx(0.2, abs=0.05)
+
+
+def test_a_dam_that_fills_its_channel_falls_quietly_as_our_solver_begins_it():
+    block = "fluid: [{block: {min: [-0.3, -0.12, 0], max: [0, 0.12, 0.3]}}]"
+    scene = Scene.from_yaml(f"container: {{size: [0.6, 0.24, 0.6]}}\n{block}\nframes: 3", "test")
+    with pytest.warns(MovedApartWarning):
+        apart = Simulation(scene, device="cpu").particles
+    speeds = [
+        np.linalg.norm(list(solver.simulate(scene, None, particles))[1][1], axis=1).max()
+        for particles in (scene.initial_particles(None), apart)
+    ]
+    assert speeds[0] > 5
+    assert speeds[1] < 1

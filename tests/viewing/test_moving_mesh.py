@@ -5,7 +5,8 @@ import surfsup as sf
 from surfsup.scene import Scene, quaternion
 from surfsup.scene.pose import Pose
 from surfsup.viewing.moving_mesh import MovingMesh, at_frame, bounds_of, container_corners
-from surfsup.viewing.trajectory_pictures import TrajectoryRenderer, trajectory_meshes
+from surfsup.viewing.trajectory_page import trajectory_meshes
+from surfsup.viewing.trajectory_pictures import TrajectoryRenderer
 
 QUARTER = Pose.of((1, 0, 0), quaternion.about_axis((0, 0, 1), np.pi / 2)).array
 

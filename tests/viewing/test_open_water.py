@@ -4,7 +4,7 @@ import numpy as np
 
 import surfsup as sf
 from surfsup.scene import Scene
-from surfsup.viewing.trajectory_pictures import points_of_interest, write_trajectory_page
+from surfsup.viewing.trajectory_page import points_of_interest, write_trajectory_page
 from surfsup.viewing.web_player import write_web_player
 from tests.viewing.test_web_player import contents
 

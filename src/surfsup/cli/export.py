@@ -31,7 +31,7 @@ class ReconstructionOptions:
 def export(
     trajectory: TrajectoryFile,
     to: Annotated[
-        str, typer.Option("--to", metavar="FORMAT", help="vtk, vtu, ply, bgeo, npz, usd, blender, obj, glb.")
+        str, typer.Option("--to", metavar="FORMAT", help="vtk, vtu, ply, bgeo, npz, usd, blender, alembic, obj, glb.")
     ],
     out: Annotated[Path | None, typer.Option("-o", "--out", help="Folder; 'export' beside the trajectory.")] = None,
     fps: Annotated[float, typer.Option(help="Frames per second.")] = 24.0,

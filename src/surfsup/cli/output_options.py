@@ -43,13 +43,14 @@ class OutputOptions:
             InputError: the folder is unusable, another run is writing into it, or this machine cannot render the
                 video or write the export.
         """
-        from surfsup.exporting.formats import check_export
         from surfsup.io.output_folder import OutputFolder
         from surfsup.viewing.graphics import require_graphics
 
         if not self.no_video:
             require_graphics()
         if self.export:
+            from surfsup.exporting.formats import check_export
+
             check_export(self.export, self.export_fps)
         folder = OutputFolder(self.out or Path("out") / source.stem, particles, frames)
         hold_lock(folder.path)
@@ -63,15 +64,17 @@ class OutputOptions:
             summary: the summary of the simulation.
             excluded: number of particles without a place at the start.
         """
-        from surfsup.viewing.trajectory_pictures import write_trajectory_page, write_trajectory_video
-
         with after_interrupt(
             f"the whole trajectory is kept in {folder.trajectory}; for its pictures there are the verbs view and render"
         ):
             if not self.no_page:
+                from surfsup.viewing.trajectory_page import write_trajectory_page
+
                 with progress_bar("writing the page") as bar:
                     write_trajectory_page(folder.trajectory, folder.page, bar)
             if not self.no_video:
+                from surfsup.viewing.trajectory_pictures import write_trajectory_video
+
                 with progress_bar("rendering the video") as bar:
                     write_trajectory_video(folder.trajectory, folder.video, bar)
             done = self._export(folder)
@@ -87,8 +90,6 @@ class OutputOptions:
             }
             typer.echo(json.dumps({**result, "exported": exported}, indent=2))
             return
-        if excluded:
-            typer.echo(f"{excluded} particles that overlap the solid or each other at the start were omitted")
         if summary.entered or summary.left:
             typer.echo(f"{summary.entered} particles entered through taps, {summary.left} left through drains")
         typer.echo(
@@ -108,10 +109,10 @@ class OutputOptions:
 
     def _export(self, folder: OutputFolder) -> Export | None:
         """Write the export, if one was requested."""
-        from surfsup.exporting.export import export
-
         if self.export is None:
             return None
+        from surfsup.exporting.export import export
+
         with progress_bar(f"exporting {self.export}") as bar:
             return export(
                 folder.trajectory, self.export, folder.path / "export", self.export_fps, overwrite=True, progress=bar

@@ -30,10 +30,8 @@ def reference(
     from surfsup.io.trajectory import Provenance
     from surfsup.scene.solids import build_solids
     from surfsup.scene.start import entering_particles
-    from surfsup.scene.tap_checks import check_taps_and_drains
-    from surfsup.sph.settle import start_of
+    from surfsup.simulation import Simulation
     from surfsup.splishsplash import solver
-    from surfsup.splishsplash.compressed_start import without_compression
     from surfsup.splishsplash.entering_water import with_ids
 
     scene = scene_options.read()
@@ -41,14 +39,11 @@ def reference(
         warnings.warn("the reference records no forces on solids; the solver dfsph does", stacklevel=1)
     if scene.flush:
         warnings.warn("the reference keeps its water off flush surfaces, too", stacklevel=1)
+    solver.check_installed()
     with scene_options.named():
         solids = build_solids(scene)
         start_time = scene.start_time
-        check_taps_and_drains(scene, solids)
-        solid = solids.at_time(start_time)
-        particles = start_of(scene, solid)
-    solver.check_installed()
-    particles = without_compression(scene, solid, particles)
+        particles = Simulation(scene, device="cpu").particles  # as ours begins
     most = len(particles.positions) + entering_particles(scene)
     folder = output.create_folder(scene_options.source, most, scene.frames)
     frames: Iterator[OutputFrame] = (

@@ -38,7 +38,6 @@ def simulate(
     from surfsup.learned.loading import load_simulator
     from surfsup.simulation import Simulation
     from surfsup.sph.device import choose_device
-    from surfsup.splishsplash.compressed_start import expansion_warning
 
     began = time.perf_counter()
     simulator, card = load_simulator(simulator_name)
@@ -59,8 +58,6 @@ def simulate(
     else:
         with scene_options.named():
             simulation = simulation_of(scene)
-        if warning := expansion_warning(scene, simulation.particles):
-            warnings.warn(warning, stacklevel=1)
         most_ids = simulation.most_ids()
         run = simulation.run()
         frames = ((frame.positions, frame.velocities, frame.poses, frame.ids, frame.forces) for frame in run)

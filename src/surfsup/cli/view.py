@@ -42,7 +42,7 @@ def view(
 
     Example: surfsup view out/bunny/trajectory.h5
     """
-    from surfsup.viewing.trajectory_pictures import write_trajectory_page
+    from surfsup.viewing.trajectory_page import write_trajectory_page
 
     file = output_file(out, trajectory, "page.html")
     with progress_bar("writing the page") as bar:

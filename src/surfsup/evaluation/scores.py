@@ -49,6 +49,10 @@ class Window:
         """The window's part of ``count`` frames; empty where it begins after them."""
         return slice(min(self.first, count), count if self.last is None else min(self.last, count))
 
+    def adds(self, count: int) -> bool:
+        """Whether ``count`` frames reach the window, and it is not all of them under another name."""
+        return count > self.first and (self.last is None or self.first > 0 or self.last <= count)
+
 
 WINDOWS = (
     Window("0-100", 0, 100),  # the fall: nearly deterministic
@@ -126,12 +130,12 @@ METRICS = (
 
 
 def compute_scores(comparison: Comparison) -> WindowScores:
-    """Every metric over every window that the comparison reaches."""
-    windows = {window.name: window.frames(len(comparison)) for window in WINDOWS}
+    """Every metric over all frames, and over every other window that says more."""
+    count = len(comparison)
+    windows = {window.name: window.frames(count) for window in WINDOWS if window.adds(count)}
     return {
         name: {metric.key: finite_or_none(metric.compute(comparison, frames)) for metric in METRICS}
         for name, frames in windows.items()
-        if frames.stop > frames.start
     }
 
 

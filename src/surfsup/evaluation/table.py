@@ -49,7 +49,7 @@ def data_set_lines(one: DataSet, members: Sequence[Summary], settings: Evaluatio
         by_surface = [(f"{mean.surface} ({mean.scenes})", *values_of(mean, ALL)) for mean in members]
         over_time = [(window, *values_of(whole, window)) for window in whole.scores if window != ALL]
         lines += ["", *header(metrics, with_floor), "all frames", *rows(by_surface, metrics, with_floor)]
-        lines += ["all surfaces, frames", *rows(over_time, metrics, with_floor)]
+        lines += ["all surfaces, frames", *rows(over_time, metrics, with_floor)] if over_time else []
     counts = [
         f"{METRIC_BY_KEY[key].name} {value_with_floor(METRIC_BY_KEY[key], *values_of(whole, ALL)[:2])}"
         for key in COUNTS

@@ -57,7 +57,9 @@ class Format:
         collection: suffix of the file that lists the others by time, made by ``collection`` of the module.
         up: its upward axis, unless another is requested.
         up_is_fixed: whether the format itself requires that axis.
+        frames_up: upward axis of the frames that its writer gets, if it turns them itself.
         package: module of the extra ``export`` that it needs.
+        by_blender: whether Blender's package bpy writes it.
     """
 
     name: str
@@ -68,20 +70,24 @@ class Format:
     collection: str = ""
     up: UpAxis = "z"
     up_is_fixed: bool = False
+    frames_up: UpAxis | None = None
     package: str = ""
+    by_blender: bool = False
 
     def load(self, function: str) -> Callable[..., Any]:
         """A function of the format's module."""
         return getattr(import_module(f"surfsup.exporting.{self.module}"), function)
 
     def check_package(self) -> None:
-        """Require the package that writes the format.
+        """Require the packages that write the format.
 
         Raises:
             InputError: it is missing.
         """
         if self.package and find_spec(self.package) is None:
             raise InputError(f"the format {self.name} needs a package that is missing: pip install 'surfsup[export]'")
+        if self.by_blender and find_spec("bpy") is None:
+            raise InputError(f"the format {self.name} needs Blender as a Python package: pip install bpy")
 
     def contents(self, what: What | None) -> tuple[What, ...]:
         """What is exported for a value of ``--what``; by default the water in the first way that the format has.
@@ -100,7 +106,7 @@ class Format:
         return held if what == "all" else (what,)
 
     def up_axis(self, requested: UpAxis | None) -> UpAxis:
-        """The upward axis of the files.
+        """The upward axis of the frames that are written, which is that of the files unless the writer turns them.
 
         Raises:
             InputError: the format requires another than the requested one.
@@ -109,7 +115,7 @@ class Format:
             raise InputError(f"the upward axis is y or z, not {requested!r}")
         if self.up_is_fixed and requested not in (None, self.up):
             raise InputError(f"the upward axis of {self.name} files is always {self.up}; omit --up")
-        return requested or self.up
+        return self.frames_up or requested or self.up
 
 
 MAX_FPS = 10_000
@@ -125,6 +131,17 @@ FORMATS = {
         Format("npz", "npz", ("particles",), "NumPy", ".npz"),
         Format("usd", "usd", BOTH, "usdview, Omniverse, Houdini, Blender, Maya", package="pxr"),
         Format("blender", "blender", BOTH, "Blender", package="pxr"),
+        Format(
+            "alembic",
+            "alembic",
+            BOTH,
+            "Houdini, Maya, Cinema 4D",
+            up="y",
+            up_is_fixed=True,
+            frames_up="z",
+            package="pxr",
+            by_blender=True,
+        ),
         Format("obj", "obj", ("surface",), "nearly every 3D program", ".obj"),
         Format("glb", "glb", ("surface",), "web pages, Blender", ".glb", up="y", up_is_fixed=True),
     )

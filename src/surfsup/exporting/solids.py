@@ -7,7 +7,7 @@ import numpy as np
 from surfsup.exporting.mesh_frame import MeshFrame, joined, solid_mesh
 from surfsup.io.trajectory import Trajectory
 from surfsup.scene.pose import Pose, between
-from surfsup.viewing.trajectory_pictures import trajectory_meshes
+from surfsup.viewing.trajectory_page import trajectory_meshes
 
 
 class SolidMeshes:

@@ -1,7 +1,7 @@
-"""A recording of live water as one trajectory, also where water is poured in meanwhile.
+"""A recording of live water as one trajectory, also where water is poured in or flows from a tap meanwhile.
 
-A trajectory file is made for a number of particles, so water that is poured in begins a new file. At the end the files
-become one, in which the later particles have a first frame of their own.
+A trajectory file is made for a number of particles, so further water begins a new file, with room for more where a tap
+gives it. At the end the files become one, in which the later particles have a first frame of their own.
 """
 
 from __future__ import annotations
@@ -16,6 +16,8 @@ from surfsup.scene.pose import Pose
 from surfsup.simulation import Frame
 
 FRAMES_AT_ONCE = 64  # copied
+ROOM = 1000  # particles of a tap in a file, at least
+GROWTH = 0.5  # of the particles so far, for those of a tap
 
 
 class Recording:
@@ -37,14 +39,19 @@ class Recording:
     def __init__(self, path: Path, scene: Scene, simulator: str, frame: Frame) -> None:
         self.path, self._scene, self._simulator = path, scene, simulator
         self._start_time = frame.time
-        self._parts: list[Path] = []  # complete, without the present one
-        self._begin(frame)
+        self._parts: list[tuple[Path, int]] = []  # complete, without the present one; and the frames to take from each
+        self._particles = 0
+        self._begin(frame, room=0 if len(frame.ids) else ROOM)
 
-    def _begin(self, frame: Frame) -> None:
-        self._stack = ExitStack()
+    def _begin(self, frame: Frame, room: int) -> None:
+        self._stack, self._room = ExitStack(), particles_of(frame) + room
         path = self._part(len(self._parts)) if self._parts else self.path
-        self._writer = self._stack.enter_context(self._writer_of(path, len(frame.positions), frame.time))
-        self.append(frame)
+        self._writer = self._stack.enter_context(self._writer_of(path, self._room, frame.time))
+        self._write(frame)
+
+    def _write(self, frame: Frame) -> None:
+        self._writer.append(frame.positions, frame.velocities, frame.poses, frame.ids)
+        self._particles = max(self._particles, particles_of(frame))
 
     def _writer_of(self, path: Path, particles: int, time: float) -> TrajectoryWriter:
         return TrajectoryWriter(path, self._scene, Provenance(self._simulator), particles, start_time=time)
@@ -53,12 +60,16 @@ class Recording:
         return self.path.with_name(f"{self.path.stem}.part-{number + 1}{self.path.suffix}")
 
     def append(self, frame: Frame) -> None:
-        """Write a frame with the same particles as the one before.
+        """Write the next frame, in which particles may have entered through a tap.
 
         Raises:
             InputError: the disk is full.
         """
-        self._writer.append(frame.positions, frame.velocities, frame.poses)
+        if particles_of(frame) <= self._room:
+            self._write(frame)
+            return
+        self._complete_part(self._writer.frames)
+        self._begin(frame, max(ROOM, round(GROWTH * particles_of(frame))))
 
     def poured(self, frame: Frame) -> None:
         """Continue after particles were added behind the others, without a step.
@@ -69,12 +80,16 @@ class Recording:
         Raises:
             InputError: the disk is full.
         """
+        self._complete_part(self._writer.frames - 1)  # the next file begins with this frame, and the new particles
+        self._begin(frame, room=0)
+
+    def _complete_part(self, frames: int) -> None:
+        """End the present file, of which so many frames will be taken."""
         self._stack.close()
         part = self._part(len(self._parts))
         if not self._parts:
             self.path.replace(part)
-        self._parts.append(part)
-        self._begin(frame)
+        self._parts.append((part, frames))
 
     def finish(self) -> Path:
         """Complete the file; returns its path.
@@ -82,26 +97,23 @@ class Recording:
         Raises:
             InputError: the disk is full. The files that would become one are kept.
         """
-        self._stack.close()
-        if not self._parts:
+        if not self._parts and self._particles == self._room:
+            self._stack.close()
             return self.path
-        parts = [*self._parts, self._part(len(self._parts))]
+        self._complete_part(self._writer.frames)
         try:
-            self._join(parts)
+            self._join()
         except InputError as error:
-            raise InputError(f"{error}; the recording is in {parts[0].name} to {parts[-1].name}") from None
-        for part in parts:
+            first, last = (self._parts[number][0].name for number in (0, -1))
+            raise InputError(f"{error}; the recording is in {first} to {last}") from None
+        for part, _ in self._parts:
             part.unlink()
         return self.path
 
-    def _join(self, parts: list[Path]) -> None:
-        with Trajectory(parts[-1]) as last:
-            particles = last.positions.shape[1]
-        with self._writer_of(self.path, particles, self._start_time) as writer:
-            for part in parts:
+    def _join(self) -> None:
+        with self._writer_of(self.path, max(1, self._particles), self._start_time) as writer:
+            for part, frames in self._parts:
                 with Trajectory(part) as trajectory:
-                    # The next file begins with the last frame, and the new particles in it.
-                    frames = len(trajectory) - (part != parts[-1])
                     for first in range(0, frames, FRAMES_AT_ONCE):
                         count = min(FRAMES_AT_ONCE, frames - first)
                         window = trajectory.window(first, count)
@@ -110,4 +122,10 @@ class Recording:
                                 name: Pose.of(rows[frame][:3], rows[frame][3:])
                                 for name, rows in trajectory.poses.items()
                             }
-                            writer.append(positions, velocities, poses, trajectory.ids(frame))
+                            ids = trajectory.ids(frame)
+                            writer.append(positions[ids], velocities[ids], poses, ids)
+
+
+def particles_of(frame: Frame) -> int:
+    """The number of particles that a file needs for a frame."""
+    return int(frame.ids[-1]) + 1 if len(frame.ids) else 0

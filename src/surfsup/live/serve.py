@@ -13,7 +13,7 @@ from pathlib import Path
 from surfsup.errors import InputError, SimulationError
 from surfsup.live.page import LivePage
 from surfsup.live.real_time import Rates, RealTime
-from surfsup.live.world import LiveWorld
+from surfsup.live.world import MAX_PARTICLES, LiveWorld
 from surfsup.scene import Scene
 
 PICTURES = 40.0  # per second at most
@@ -120,6 +120,9 @@ class LiveServer:
             self._world.reset()
             self._page.report(f"{error}; back at the start")
             return False
+        if self._world.tap is not None and self._world.is_full:
+            self._world.close_tap()
+            self._page.report(f"the tap is closed: more than {MAX_PARTICLES:,} particles cannot be live")
         return True
 
     def _report(self, now: float) -> None:

@@ -15,6 +15,7 @@ from surfsup.scene import Block, Scene
 from surfsup.scene.pose import Pose
 from surfsup.scene.shapes import Shape
 from surfsup.scene.solids import NamedShape, as_named_shape
+from surfsup.scene.taps import DiscOpening, Tap
 from surfsup.simulation import Frame, Simulation, SimulationState
 from surfsup.sph.open_water import OpenState
 from surfsup.sph.simulator import FluidState
@@ -35,6 +36,7 @@ class LiveWorld:
     Attributes:
         scene: the scene, whose single surface has a name.
         movable: names of the surfaces that can be moved.
+        tap: that is open, besides those of the scene; None if none is.
 
     Raises:
         InputError: a file of the scene is unusable, or no particle is left.
@@ -49,6 +51,7 @@ class LiveWorld:
         simulation = Simulation(scene, SIMULATOR, "cpu")
         check_count(len(simulation.particles.positions))
         self.scene, self.simulation, self._gravity = scene, simulation, scene.gravity
+        self.tap: Tap | None = None
         self._units = scene.units.around(scene, simulation.particles)
         self.movable = [name for name, entry in scene.surfaces.items() if getattr(entry, "motion", None) is None]
         for name in self.movable:  # now, because the first movement builds a volume map
@@ -111,6 +114,33 @@ class LiveWorld:
             self._recording.poured(self.frame)
         return len(added)
 
+    def open_tap(self, center: tuple[float, float, float], radius: float, flow: float) -> None:
+        """Let water fall from a round opening from the next step on, in the place of what :meth:`open_tap` opened.
+
+        Args:
+            center: (x, y, z) of the opening, meters.
+            radius: of the opening, meters.
+            flow: liters a second.
+
+        Raises:
+            InputError: a value is out of range, or the water would begin in a solid or outside the container.
+        """
+        tap = Tap(disc=DiscOpening(radius=radius), at=center, flow=flow)
+        tap = tap.model_copy(update={"start": self.simulation.time})
+        self.simulation.set_taps([*self.scene.taps, tap])
+        self.tap = tap
+
+    def close_tap(self) -> None:
+        """Let no more water come from the tap of :meth:`open_tap`."""
+        if self.tap is not None:
+            self.simulation.set_taps(self.scene.taps)
+            self.tap = None
+
+    @property
+    def is_full(self) -> bool:
+        """Whether there is more water than can be live; a tap should be closed then."""
+        return len(self.simulation.state.fluid.positions) >= MAX_PARTICLES
+
     def _free_sites(self, positions: np.ndarray, frame: Frame) -> np.ndarray:
         """Those of ``positions`` (N, 3) that are clear of solids, walls and the water of ``frame``."""
         spacing, container = self.scene.spacing, self.scene.container
@@ -152,8 +182,9 @@ class LiveWorld:
         self.set_gravity(gravity)
 
     def reset(self) -> None:
-        """Return to the start: its water, its poses, its gravity and its viscosity."""
+        """Return to the start: its water, its poses, its gravity and its viscosity; the tap is closed."""
         self.stop_recording()
+        self.close_tap()
         self._targets = {name: self._rest[name] for name in self.movable}
         for name, pose in self._targets.items():
             self._place(name, pose)
@@ -172,8 +203,6 @@ class LiveWorld:
         Raises:
             InputError: the file cannot be written.
         """
-        if self.scene.is_open:
-            raise InputError("water that enters by taps or leaves by drains is recorded by surfsup simulate alone")
         self.stop_recording()
         try:
             self._folder.mkdir(parents=True, exist_ok=True)

@@ -7,7 +7,6 @@ from collections.abc import Iterator
 import numpy as np
 import torch
 from pydantic import model_validator
-from scipy import ndimage
 
 from surfsup.errors import InputError
 from surfsup.scene.shapes import Shape
@@ -161,6 +160,8 @@ class Vessel:
         Raises:
             InputError: there is none, or water would run out.
         """
+        from scipy import ndimage
+
         regions, count = ndimage.label(self.distance >= FLOW_CLEARANCE * self.radius)
         is_open = np.zeros(count + 1, dtype=bool)
         is_open[[0, *open_regions(regions)]] = True
@@ -209,6 +210,8 @@ class Vessel:
 
     def leak_error(self, seed: Vector) -> InputError:
         """The error for an open region: it names the narrowest place of the widest way out."""
+        from scipy import ndimage
+
         start = self.seed_cell(seed)
         closed, leaking = float(self.distance.max()), FLOW_CLEARANCE * self.radius
         for _ in range(BISECTIONS):

@@ -11,7 +11,6 @@ from dataclasses import replace
 from typing import TypeVar
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from surfsup.errors import InputError
 from surfsup.scene.fluid import PARTICLE_RADIUS
@@ -58,6 +57,8 @@ def check_thickness(surface: Surface, smaller: Surface, name: str) -> None:
     Raises:
         InputError: with the least thickness that is possible.
     """
+    from scipy.spatial import cKDTree
+
     message = (
         f"surface '{name}' is flush, but thinner than {2 * GAP / PARTICLE_RADIUS:.2g} particle radii in places, where "
         "the water would pass through; make it thicker, use smaller particles, or set flush: false"

@@ -64,7 +64,7 @@ def scene_from_surface(
         particle_radius: meters.
 
     Returns:
-        The scene, and a line for the user about size and orientation of the solid.
+        The scene, and lines for the user: size and orientation of the solid, and where the water is if that is ours.
 
     Raises:
         InputError: the file is unusable, the solid does not fit the container, or there is no room for water above.
@@ -74,6 +74,9 @@ def scene_from_surface(
     check_fits(path, lower, upper, container, particle_radius, fitted=placement.fit is not None)
     water = block or block_above(lower, upper, container, particle_radius)
     scene = Scene(container=container, surface=shape, fluid=[water], frames=frames, particle_radius=particle_radius)
+    if block is None:
+        corners = (f"({', '.join(f'{value:.3g}' for value in corner)})" for corner in (water.min, water.max))
+        summary += f"\nthe water begins as a block from {' to '.join(corners)}; --block-min and --block-max move it"
     return scene, summary
 
 

@@ -179,23 +179,15 @@ class Scene(StrictModel):
 
     @model_validator(mode="after")
     def check_water(self) -> Scene:
-        """Require water, taps that particles fit through, and carriers that are there."""
+        """Require water, at the start or from taps."""
         if not self.fluid and not self.taps:
             raise ValueError("fluid: is empty, and there are no taps; give water or a tap")
-        carriers = (*self.surfaces, CONTAINER)
-        passages: dict[str, Sequence[Passage]] = {"taps": self.taps, "drains": self.drains}
-        for key, entries in passages.items():
-            for number, entry in enumerate(entries):
-                try:
-                    if isinstance(entry, Tap):
-                        entry.check_opening(self.spacing)
-                except ValueError as error:
-                    raise ValueError(f"{key}.{number}.{error}") from None
-                if entry.carrier is not None and entry.carrier not in carriers:
-                    known = ", ".join(self.surfaces) or "none; name them under 'surfaces'"
-                    raise ValueError(
-                        f"{key}.{number}.carrier: there is no surface '{entry.carrier}'; the scene's are {known}"
-                    )
+        return self
+
+    @model_validator(mode="after")
+    def check_passages(self) -> Scene:
+        """Require taps that particles fit through, and carriers that are there."""
+        check_passages(self)
         return self
 
     @model_validator(mode="after")
@@ -450,6 +442,19 @@ class Scene(StrictModel):
         copy._folder = folder
         return copy
 
+    def with_taps(self, taps: Sequence[Tap]) -> Scene:
+        """A copy with other taps.
+
+        Raises:
+            InputError: no particle fits through one, or there is no such surface to carry it.
+        """
+        copy = self.model_copy(update={"taps": list(taps)}).with_base_folder(self.base_folder)
+        try:
+            check_passages(copy)
+        except ValueError as error:
+            raise InputError(str(error)) from None
+        return copy
+
     def with_frames(self, frames: int) -> Scene:
         """A copy with another number of frames."""
         return self.model_copy(update={"frames": frames, "duration": None})
@@ -494,3 +499,25 @@ class Scene(StrictModel):
                 memory is too small, or no particle remains.
         """
         return initial_particles(self, surface)
+
+
+def check_passages(scene: Scene) -> None:
+    """Require taps that particles fit through, and carriers that are there.
+
+    Raises:
+        ValueError: naming the tap or the drain.
+    """
+    carriers = (*scene.surfaces, CONTAINER)
+    passages: dict[str, Sequence[Passage]] = {"taps": scene.taps, "drains": scene.drains}
+    for key, entries in passages.items():
+        for number, entry in enumerate(entries):
+            try:
+                if isinstance(entry, Tap):
+                    entry.check_opening(scene.spacing)
+            except ValueError as error:
+                raise ValueError(f"{key}.{number}.{error}") from None
+            if entry.carrier is not None and entry.carrier not in carriers:
+                known = ", ".join(scene.surfaces) or "none; name them under 'surfaces'"
+                raise ValueError(
+                    f"{key}.{number}.carrier: there is no surface '{entry.carrier}'; the scene's are {known}"
+                )

@@ -8,11 +8,10 @@ from itertools import product
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from surfsup.errors import InputError
 from surfsup.scene import quaternion
-from surfsup.scene.fill import distances
+from surfsup.scene.fill import Fill, distances
 from surfsup.scene.fluid import Block, Fluid, InitialParticles
 from surfsup.scene.particle_file import FileParticles, ParticleFile, read_particles
 from surfsup.scene.pose import Pose
@@ -46,7 +45,11 @@ def initial_particles(scene: Scene, surface: Surface | None) -> InitialParticles
         free = np.ones(len(positions), dtype=bool)
         if surface is not None and not isinstance(entry.content, ParticleFile):
             free &= distances(surface, positions) >= SURFACE_CLEARANCE * scene.units.length
+            if isinstance(entry.content, Fill) and entry.content.surface is None:  # water in a hollow ends at its walls
+                positions, free = positions[free], free[free]
         if len(placed):
+            from scipy.spatial import cKDTree
+
             free &= cKDTree(placed).query(positions)[0] > OVERLAP * scene.spacing
         excluded += int((~free).sum())
         if free.any():
@@ -184,6 +187,8 @@ def check_file(scene: Scene, source: str, found: FileParticles, surface: Surface
         problems.append(("inside the solid, or closer to it than their radius", inside))
     # In a splash two particles may meet; they are no error of a file where the file is a trajectory.
     if len(found.positions) > 1 and found.radius is None:
+        from scipy.spatial import cKDTree
+
         nearest = np.asarray(cKDTree(found.positions).query(found.positions, k=2)[0])[:, 1]
         half = MIN_MEDIAN_DISTANCE * scene.spacing
         least = half if float(np.median(nearest)) < half else MIN_DISTANCE * scene.spacing

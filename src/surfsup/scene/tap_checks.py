@@ -1,4 +1,4 @@
-"""Whether the taps and drains of a scene have room at its start."""
+"""Whether the taps and drains of a scene have room."""
 
 from __future__ import annotations
 
@@ -21,22 +21,25 @@ if TYPE_CHECKING:
 SAMPLES = 9  # along each side of the container
 
 
-def check_taps_and_drains(scene: Scene, solids: Solids) -> None:
+def check_taps_and_drains(scene: Scene, solids: Solids, present: Mapping[str, Pose] | None = None) -> None:
     """Require that taps are in the container and clear of solids, and that drains leave water in the scene.
 
     Args:
         scene: the scene.
         solids: its solids.
+        present: poses by name of all that moves; by default those at the start of the scene.
 
     Raises:
         InputError: a tap is in a solid or outside the container, or a drain covers a tap or the whole container.
     """
     if not scene.is_open:
         return
-    poses = carrier_poses(scene, solids, scene.start_time)
+    if present is None:
+        present = solids.poses(scene.start_time)
+    poses = {**carrier_poses(scene, solids, scene.start_time), **present}
     nozzles = [tap.nozzle(scene.spacing) for tap in scene.taps]
     layers = [guided_points(nozzle, poses) for nozzle in nozzles]
-    surface = solids.at_time(scene.start_time)
+    surface = solids.at(present)
     for number, points in enumerate(layers):
         check_container(scene, number, points, poses)
         if surface is not None:

@@ -189,7 +189,7 @@ class Units:
         """A tap of a scene in the units of the solver, whose time 0 is ``start_time`` seconds of the scene."""
         return replace(
             nozzle,
-            center=nozzle.center / self.length,
+            center=(nozzle.center if nozzle.carrier else nozzle.center - self.origin) / self.length,
             sides=nozzle.sides / self.length,
             half=nozzle.half / self.length,
             speed=nozzle.speed / self.velocity,

@@ -8,6 +8,17 @@ from typing import get_args
 
 from pydantic import BaseModel, ValidationError
 
+A_LIST = "must be a list: '- ' before each entry, or entries in brackets, separated by commas"
+PLAIN_MESSAGES = {
+    "missing": "is missing",
+    "list_type": A_LIST,
+    "tuple_type": A_LIST,
+    "int_parsing": "must be a whole number",
+    "int_type": "must be a whole number",
+    "int_from_float": "must be a whole number",
+    "float_parsing": "must be a number, without a unit (lengths are in meters)",
+    "float_type": "must be a number",
+}
 MAX_VALUE_LENGTH = 60  # characters of an invalid value that the message shows
 
 
@@ -28,6 +39,7 @@ def format_validation_error(error: ValidationError, model: type[BaseModel]) -> s
     message = first["msg"].removeprefix("Value error, ")
     if first["type"] == "model_type":
         message = f"must be a mapping with keys out of {', '.join(valid_keys(model, location))}"
+    message = PLAIN_MESSAGES.get(first["type"], message)
     value = first["input"]
     found = "" if isinstance(value, dict | list | BaseModel) else f" (found {abbreviate(value)})"
     return f"{where}: {message}{found}" if where else f"{message}{found}"

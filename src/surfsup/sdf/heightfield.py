@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
+from torch import Tensor
 
 from surfsup.errors import InputError
 from surfsup.sdf.mesh.surface import MeshSurface
@@ -12,6 +13,8 @@ from surfsup.sdf.terrain_file import shape_text
 
 if TYPE_CHECKING:
     import trimesh
+
+    from surfsup.sdf.mesh.device_query import DeviceQuery
 
 MAX_SAMPLES = 1_500_000  # of a surface, two triangles each: a tile of 1201 x 1201 is one
 ROUNDING = 1e-9
@@ -52,6 +55,17 @@ class Heightfield(MeshSurface):
         levels = base + height * ((heights - heights.min()) / span if span > 0 else np.zeros_like(heights))
         super().__init__(closed_mesh(levels, size), exact=True)
         self.levels, self.size = levels, np.array(size, dtype=np.float64)
+
+    @property
+    def has_device_query(self) -> bool:
+        """Warp queries terrain, too."""
+        return True
+
+    def on_device(self, like: Tensor) -> DeviceQuery:
+        """The query for the device of a tensor."""
+        from surfsup.sdf.mesh.device_query import TerrainOnDevice
+
+        return TerrainOnDevice(self.query, self.levels, self.size, like)
 
     def inside(self, points: np.ndarray) -> np.ndarray:
         """Whether each of ``points`` (N, 3) is below the terrain, above z = 0 and within its extent, (N,)."""

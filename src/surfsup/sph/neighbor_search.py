@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
-from scipy.spatial import cKDTree
 from torch import Tensor
 
 from surfsup import native
@@ -62,6 +61,8 @@ def pairs_by_tree(positions: Tensor, radius: float) -> tuple[Tensor, Tensor]:
     Raises:
         SimulationError: a position is not finite.
     """
+    from scipy.spatial import cKDTree
+
     points = positions.detach().numpy()
     if not np.isfinite(points).all():
         raise not_finite()

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 import torch
 from torch import Tensor
 
 from surfsup.errors import InputError
-from surfsup.scene import FRAME_TIME, Scene
+from surfsup.scene import FRAME_TIME, Scene, Units
 from surfsup.scene.carriers import carrier_poses
+from surfsup.scene.nozzle import Nozzle
 from surfsup.scene.pose import Pose
 from surfsup.scene.solids import Solids
 from surfsup.sph.collision import resolve_collisions
@@ -43,6 +44,14 @@ class OpenState:
     layers: tuple[Layer, ...] = ()
     drained: int = 0
 
+    @classmethod
+    def of(cls, fluid: OpenState | ParticleState, frame: float) -> OpenState:
+        """The state of particles at the end of a frame, whose ids are their indices unless they have some."""
+        if isinstance(fluid, OpenState):
+            return fluid
+        count = len(fluid.positions)
+        return cls(fluid, np.arange(count), count, frame)
+
     @property
     def positions(self) -> Tensor:
         """(N, 3), meters."""
@@ -57,6 +66,15 @@ class OpenState:
     def time(self) -> float:
         """Seconds since the start, in the units of the solver."""
         return self.frame * FRAME_TIME
+
+    def guided_by(self, nozzles: Mapping[int, Nozzle]) -> OpenState:
+        """The state with the layers of some nozzles, which others now guide.
+
+        Args:
+            nozzles: the new one by the ``id`` of the old one. Layers of all others are free.
+        """
+        layers = (replace(one, nozzle=nozzles[id(one.nozzle)]) for one in self.layers if id(one.nozzle) in nozzles)
+        return replace(self, layers=tuple(layers))
 
     def only(self, kept: np.ndarray) -> OpenState:
         """The state without all particles but those ``kept`` (N,) bool."""
@@ -89,18 +107,19 @@ class Passages:
     rest: Mapping[str, Pose]
 
     @classmethod
-    def of(cls, scene: Scene, solids: Solids, start_time: float) -> Passages:
+    def of(cls, scene: Scene, solids: Solids, start_time: float, units: Units | None = None) -> Passages:
         """Those of a scene.
 
         Args:
             scene: in its own units.
             solids: its solids, in its own units.
             start_time: seconds of the scene at which the time of the solver is 0.
+            units: of the simulation; by default those of the scene.
 
         Raises:
             InputError: a file of a drain is missing or unusable.
         """
-        units = scene.units
+        units = scene.units if units is None else units
         nozzles = [units.nozzle_to_solver(tap.nozzle(scene.spacing), start_time) for tap in scene.taps]
         drains = []
         for drain in scene.drains:
@@ -141,6 +160,15 @@ class WithTaps(Simulator[OpenState]):
         if not simulator.knows_taps:
             raise InputError(f"{type(simulator).__name__} does not know taps and drains; use the simulator dfsph")
         self.simulator, self.passages = simulator, passages
+
+    @classmethod
+    def around(cls, simulator: Simulator[Any], passages: Passages) -> WithTaps:
+        """A simulator with these taps and drains instead of its own, if any.
+
+        Raises:
+            InputError: the simulator knows no taps and drains.
+        """
+        return cls(simulator.simulator if isinstance(simulator, WithTaps) else simulator, passages)
 
     def to(self, device: torch.device | str) -> WithTaps:
         """The simulator on a device; taps and drains are computed on the CPU."""
@@ -208,7 +236,7 @@ class WithTaps(Simulator[OpenState]):
             positions, velocities = state.positions.clone(), state.velocities.clone()
             for layer in state.layers:
                 if not self.passages.taps.guides(layer, state.time):
-                    free = min(motion.seconds, state.time - layer.time - self.passages.taps.nozzles[layer.tap].guide)
+                    free = min(motion.seconds, state.time - layer.time - layer.nozzle.guide)
                     index = torch.from_numpy(rows_of(layer.ids, state.ids)[0]).to(positions.device)
                     positions[index] -= 0.5 * (motion.seconds**2 - free**2) * gravity
                     velocities[index] -= (motion.seconds - free) * gravity

@@ -8,13 +8,9 @@ from dataclasses import replace
 
 import numpy as np
 import torch
-from scipy.spatial import cKDTree
 
-from surfsup.scene import SPACING, InitialParticles, Scene
-from surfsup.scene.solids import Solids, constant
-from surfsup.scene.start import container_at_start
+from surfsup.scene import SPACING, InitialParticles
 from surfsup.scene.strict_model import Vector
-from surfsup.sdf import Surface
 from surfsup.sph.environment import Environment
 from surfsup.sph.solver import DfsphSolver
 
@@ -29,36 +25,12 @@ class NotSettledWarning(UserWarning):
     """The water was still moving when the time limit of settling was reached; the message says how fast."""
 
 
-def start_of(scene: Scene, surface: Surface | None) -> InitialParticles:
-    """The particles of a scene, at rest where it says so.
-
-    Args:
-        scene: the scene.
-        surface: its solid, both in the scene's own units.
-
-    Raises:
-        InputError: as :meth:`surfsup.scene.Scene.initial_particles`.
-
-    Warns:
-        NotSettledWarning: water was still moving after the time limit.
-    """
-    start = scene.initial_particles(surface)
-    if not any(start.settle):
-        return start
-    units = scene.units.around(scene, start)
-    solid = units.surface_to_solver(surface)
-    container = None if scene.container.motion is None else constant(units.pose_to_solver(container_at_start(scene)))
-    solids = Solids(solid, container=container)  # nothing moves meanwhile
-    environment = Environment.of(units.scene_to_solver(scene), solid, solids=solids)
-    return units.particles_from_solver(settled(units.particles_to_solver(start), environment, units.velocity))
-
-
 def settled(start: InitialParticles, environment: Environment, speed_unit: float = 1.0) -> InitialParticles:
     """Let the entries that settle come to rest, without the others, which then lose particles that overlap them.
 
     Args:
         start: particles in the units of the solver.
-        environment: solid, container and gravity.
+        environment: solid, container and gravity; nothing moves in it.
         speed_unit: m/s of a unit of velocity, for the warning.
 
     Warns:
@@ -67,22 +39,22 @@ def settled(start: InitialParticles, environment: Environment, speed_unit: float
     moving = [number for number, settles in enumerate(start.settle) if settles]
     blocks = list(start.block_positions)
     ends = np.cumsum([len(blocks[number]) for number in moving])
-    positions = at_rest(np.concatenate([blocks[number] for number in moving]), environment, speed_unit)
+    positions = resting(np.concatenate([blocks[number] for number in moving]), environment, speed_unit)
     for number, block in zip(moving, np.split(positions, ends[:-1]), strict=True):
         blocks[number] = block
     return without_overlaps(replace(start, block_positions=blocks, settle=()), moving, positions)
 
 
-def at_rest(positions: np.ndarray, environment: Environment, speed_unit: float) -> np.ndarray:
+def resting(positions: np.ndarray, environment: Environment, speed_unit: float) -> np.ndarray:
     """Where particles at ``positions`` (N, 3) come to rest, (N, 3) float32."""
     solver = DfsphSolver()
-    water = torch.from_numpy(positions)
+    water = torch.from_numpy(positions).to(environment.lower.device)
     state = solver.initial_state(water, torch.zeros_like(water), environment)
     quiet, energy = 0, 0.0
-    for frame, _ in solver.rollout(state, environment, MAX_FRAMES):
-        energy = 0.5 * float(frame.velocities.square().sum(dim=-1).mean())
+    for _ in range(MAX_FRAMES):
+        state, _ = solver.step(state, environment)
+        energy = 0.5 * float(state.velocities.square().sum(dim=-1).mean())
         quiet = quiet + 1 if energy < MAX_ENERGY else 0
-        state = frame
         if quiet > QUIET_FRAMES:
             break
     else:
@@ -92,11 +64,13 @@ def at_rest(positions: np.ndarray, environment: Environment, speed_unit: float) 
             NotSettledWarning,
             stacklevel=2,
         )
-    return state.positions.numpy()
+    return state.positions.cpu().numpy()
 
 
 def without_overlaps(start: InitialParticles, settled_entries: Sequence[int], water: np.ndarray) -> InitialParticles:
     """``start`` without the particles of other entries that are too close to the settled ``water`` (M, 3)."""
+    from scipy.spatial import cKDTree
+
     tree = cKDTree(water)
     blocks: list[np.ndarray] = []
     velocities: list[Vector | np.ndarray] = []

@@ -26,6 +26,10 @@ if TYPE_CHECKING:
     from surfsup.sph.warp_engine.solver import WarpSolver
 
 
+# A displacement by pressure alone does not depend on the time that it takes. In a second its energy is within bounds.
+ONE_SUBSTEP = FramePart(seconds=1.0, substeps=1)
+
+
 @dataclass(frozen=True)
 class Observation:
     """A frame by the pressure solve alone, before energy limit and collision handling.
@@ -124,6 +128,22 @@ class DfsphSolver(Simulator[ParticleState]):
             state, collided = finished(state, frame, environment, handle_collisions, part)
             moved |= collided
         return state, moved
+
+    def pushed_apart(self, positions: Tensor, environment: Environment) -> Tensor:
+        """Where the pressure of one substep moves particles at rest at ``positions`` (N, 3), out of solid and walls.
+
+        Args:
+            positions: meters.
+            environment: without gravity.
+
+        Raises:
+            SimulationError: as :meth:`step`.
+        """
+        state = ParticleState(positions, torch.zeros_like(positions))
+        if self.native is not None and can_step_native(state, environment):
+            return self.native.step(state, environment, part=ONE_SUBSTEP).positions
+        apart, speeds = self.warp.pushed_apart(state, environment)
+        return resolve_collisions(positions, apart, speeds, environment, None).positions
 
     def observe(self, state: ParticleState, environment: Environment) -> Observation:
         """The frame by the pressure solve alone, and its last substep, without gradients.

@@ -12,7 +12,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from surfsup.scene import SPACING
 from surfsup.scene.nozzle import Nozzle
@@ -29,12 +28,12 @@ class Layer:
     """A layer of particles that is still guided.
 
     Attributes:
-        tap: its number.
+        nozzle: of the tap that it left.
         time: when it passed the opening, seconds.
         ids: (n,) int64 of its particles, in the order of the points of the nozzle; a drain may have taken some.
     """
 
-    tap: int
+    nozzle: Nozzle
     time: float
     ids: np.ndarray
 
@@ -81,17 +80,17 @@ class Taps:
                 if drained < size:
                     continue
                 drained -= size
-            layers.append(Layer(tap, time, np.arange(next_id, next_id + size)))
+            layers.append(Layer(self.nozzles[tap], time, np.arange(next_id, next_id + size)))
             next_id += size
         return layers, drained
 
     def guides(self, layer: Layer, time: float) -> bool:
         """Whether a layer is still guided at a time."""
-        return time - layer.time <= self.nozzles[layer.tap].guide
+        return time - layer.time <= layer.nozzle.guide
 
     def place(self, layer: Layer, time: float, motion: CarrierMotion) -> tuple[np.ndarray, np.ndarray]:
         """Positions (n, 3) in meters and velocities (n, 3) in m/s of a guided layer at ``time``, the end of a frame."""
-        nozzle = self.nozzles[layer.tap]
+        nozzle = layer.nozzle
         points = nozzle.points + (time - layer.time) * nozzle.velocity
         if nozzle.carrier is None:
             return points, np.broadcast_to(nozzle.velocity, points.shape)
@@ -105,7 +104,7 @@ class Taps:
 
         In air they bring nothing. In water they push it aside, and a layer that comes where water is compresses it.
         """
-        return sum(len(layer.ids) * (PUSH + self.nozzles[layer.tap].speed ** 2) for layer in layers)
+        return sum(len(layer.ids) * (PUSH + layer.nozzle.speed**2) for layer in layers)
 
     def cleared(
         self, layers: Sequence[Layer], time: float, motion: CarrierMotion, positions: np.ndarray, velocities: np.ndarray
@@ -123,8 +122,10 @@ class Taps:
             New positions and velocities, and which particles (N,) were moved.
         """
         moved = np.zeros(len(positions), bool)
-        for tap, nozzle in enumerate(self.nozzles):
-            ages = [time - layer.time for layer in layers if layer.tap == tap]
+        # A layer may have left a tap that is closed by now.
+        nozzles = {id(nozzle): nozzle for nozzle in (*self.nozzles, *(layer.nozzle for layer in layers))}
+        for nozzle in nozzles.values():
+            ages = [time - layer.time for layer in layers if layer.nozzle is nozzle]
             if not ages:
                 continue
             pose = Pose.of() if nozzle.carrier is None else motion.end[nozzle.carrier]
@@ -151,14 +152,16 @@ class Taps:
 
     def find_layers(self, positions: np.ndarray, motion: CarrierMotion) -> list[Layer]:
         """The layers that are guided at time 0 among particles at ``positions`` (N, 3), whose ids are their indices."""
+        from scipy.spatial import cKDTree
+
         layers: list[Layer] = []
         if not len(positions):
             return layers
         tree = cKDTree(positions)
-        for tap, nozzle in enumerate(self.nozzles):
+        for nozzle in self.nozzles:
             for time in nozzle.layer_times(-nozzle.guide, 0.0).tolist():
-                layer = Layer(tap, time, np.arange(0))
+                layer = Layer(nozzle, time, np.arange(0))
                 distance, ids = tree.query(self.place(layer, 0.0, motion)[0])
                 if (np.asarray(distance) < FOUND).all():
-                    layers.append(Layer(tap, time, np.asarray(ids)))
+                    layers.append(Layer(nozzle, time, np.asarray(ids)))
         return layers

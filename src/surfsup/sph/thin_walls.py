@@ -26,6 +26,10 @@ NEAR = 1e-3  # of the solid's extent: a sample that ends so near the surface is 
 STEP = 1e-5  # of the solid's extent
 
 
+class ThinWallWarning(UserWarning):
+    """A wall is too thin for the particles."""
+
+
 def thin_wall_warning(solids: Solids, units: Units) -> str | None:
     """One line on the walls of a scene that are too thin for its particles; None if there are none."""
     limit = OPAQUE * units.length
@@ -80,13 +84,14 @@ def depths(surface: Surface, points: Tensor, normals: Tensor, limit: float, step
     """
     depth = torch.full((len(points),), step)
     inside = surface.distance(points - depth[:, None] * normals) < 0
-    going = inside.clone()
+    going = inside.nonzero()[:, 0]
     for _ in range(ADVANCES):
-        distance = surface.distance(points - depth[:, None] * normals)
-        going &= (distance < 0) & (depth < limit)
-        if not bool(going.any()):
+        distance = surface.distance(points[going] - depth[going, None] * normals[going])
+        within = (distance < 0) & (depth[going] < limit)
+        going, distance = going[within], distance[within]
+        if len(going) == 0:
             break
-        depth = torch.where(going, depth - distance + step, depth)
+        depth[going] = depth[going] - distance + step
     ends = points - depth[:, None] * normals
     distance, normal = surface.distance_and_normal(ends)
     opposite = (normal * normals).sum(dim=1) < OPPOSITE

@@ -123,7 +123,7 @@ class EnteringWater:
 
     def _motion(self, layer: Layer, step: int) -> CarrierMotion:
         """The motion of what carries a tap, in the time step that ends with ``step``."""
-        name, rest = self.passages.taps.nozzles[layer.tap].carrier, self.passages.rest
+        name, rest = layer.nozzle.carrier, self.passages.rest
         if name is None:
             return CarrierMotion(rest, rest, SUBSTEP_TIME)
         frame = max(0, (step - 1) // SUBSTEPS)

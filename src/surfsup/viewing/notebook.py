@@ -7,7 +7,7 @@ import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
-from surfsup.viewing.trajectory_pictures import write_trajectory_page
+from surfsup.viewing.trajectory_page import write_trajectory_page
 
 
 @dataclass(frozen=True)

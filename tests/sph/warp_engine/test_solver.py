@@ -62,6 +62,12 @@ def impact(dtype: torch.dtype = torch.float64) -> ParticleState:
     )
 
 
+def falling_block(bottom: float) -> ParticleState:
+    """343 particles at 2 m/s, from a height in meters on."""
+    grid = torch.cartesian_prod(*[torch.arange(7) * SPACING] * 3) + torch.tensor([-0.1, -0.1, bottom])
+    return ParticleState(grid, torch.tensor([0.0, 0.0, -2.0]).expand_as(grid).contiguous())
+
+
 def solid(name: str) -> Surface:
     if name == "heightfield":
         axis = np.linspace(0, 6, 32)
@@ -108,8 +114,7 @@ def test_a_frame_and_its_gradients_equal_those_of_a_sum_over_all_pairs(place, se
 def test_each_of_fifty_frames_of_an_impact_equals_the_one_in_cpp(name, with_map):
     surface = solid(name)
     bottom = 0.32 if name == "heightfield" else 0.63
-    grid = torch.cartesian_prod(*[torch.arange(7) * SPACING] * 3) + torch.tensor([-0.1, -0.1, bottom])
-    state = ParticleState(grid, torch.tensor([0.0, 0.0, -2.0]).expand_as(grid).contiguous())
+    state = falling_block(bottom)
     environment, in_cpp, in_warp = environment_of(surface, with_map), DfsphSolver(), DfsphSolver()
     in_warp.native = None
     with torch.no_grad():

@@ -22,6 +22,8 @@ from surfsup.sdf.surface import Surface
 if TYPE_CHECKING:
     import trimesh
 
+    from surfsup.sdf.mesh.device_query import DeviceQueries, DeviceQuery
+
 NEAR_CELLS = 2.5  # cells from the surface within which the triangles are queried
 MIN_AGREEMENT = 0.9  # length of the interpolated gradient below which the triangles are queried
 FINE_MARGIN = 8  # cells by which the fine grid extends beyond the mesh
@@ -43,8 +45,9 @@ class MeshSurface(Surface):
       distance is an upper bound. ``benchmarks/mesh_distance.py`` measures the errors.
 
     With ``exact=True`` every query uses the triangles, which is several times slower. The grids are built at the first
-    query, in one to two seconds for 50,000 triangles, or read from the :mod:`surfsup.cache`.
-    Queries run on the CPU; results move to the device of the points. A point that is not finite has distance NaN.
+    query, in one to two seconds for 50,000 triangles, or read from the :mod:`surfsup.cache`. On a GPU queries run in
+    Warp (:mod:`surfsup.sdf.mesh.device_query`), those with ``exact=True`` on the CPU. A point that is not finite has
+    distance NaN.
 
     The distance is differentiable in the points; its gradient is the unit normal. The normal is treated as constant:
     its derivative (the curvature, which is nonzero only beside edges and corners) is taken to be zero.
@@ -70,6 +73,7 @@ class MeshSurface(Surface):
         self.query = MeshQuery(vertices, faces)
         self.cells, self.exact = cells, exact
         self.grids: tuple[SdfGrid, SdfGrid] | None = None  # a tuple, so that they stay on the CPU
+        self.device_queries: DeviceQueries | None = None
         used = vertices[used_vertices(faces, len(vertices))]
         box = np.stack([used.min(axis=0), used.max(axis=0)])
         self.register_buffer("box", torch.as_tensor(box, dtype=torch.float32))
@@ -84,9 +88,32 @@ class MeshSurface(Surface):
         result = distance_and_normal_native(self, points)
         if result is not None:
             return result
-        values = self.query_points(points.detach().cpu().double().numpy())
-        distance, normal = (torch.as_tensor(value).to(points.device, points.dtype) for value in values)
+        if points.device.type != "cpu" and self.has_device_query:
+            distance, normal = self.query_on_device(points.detach())
+        else:
+            values = self.query_points(points.detach().cpu().double().numpy())
+            distance, normal = (torch.as_tensor(value).to(points.device, points.dtype) for value in values)
         return WithNormalAsGradient.apply(points, distance, normal), normal
+
+    @property
+    def has_device_query(self) -> bool:
+        """Whether Warp can query the solid on a GPU."""
+        return not self.exact
+
+    def query_on_device(self, points: Tensor) -> tuple[Tensor, Tensor]:
+        """Distance (N,) and normal (N, 3) of ``points`` (N, 3) where they are, by Warp."""
+        from surfsup.sdf.mesh.device_query import DeviceQueries
+
+        if self.device_queries is None:
+            self.device_queries = DeviceQueries()
+        return self.device_queries.evaluate(points, self.on_device)
+
+    def on_device(self, like: Tensor) -> DeviceQuery:
+        """The query for the device of a tensor."""
+        from surfsup.sdf.mesh.device_query import MeshOnDevice
+
+        grids = self.build_grids()
+        return MeshOnDevice(self.query, grids, NEAR_CELLS * grids[0].cell, MIN_AGREEMENT, like)
 
     def native_solid(self) -> native.Solid | None:
         """The same solid for the native code, unless every query uses the triangles."""

@@ -11,7 +11,6 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
-from scipy import fft
 
 from surfsup.errors import InputError
 from surfsup.scene.start import available_memory
@@ -223,6 +222,8 @@ def boundary_volumes(distances: np.ndarray, spacing: np.ndarray) -> np.ndarray:
     The lattice points are ``spacing`` (3,) meters apart. The integral over a ball is a product in Fourier space, where
     the ball has a closed form.
     """
+    from scipy import fft
+
     weight = extension(distances)
     reach = np.ceil(KERNEL_SUPPORT / spacing).astype(int)
     # The padding repeats the edge of the lattice and keeps the ball from wrapping around.

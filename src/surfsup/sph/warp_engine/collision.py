@@ -12,13 +12,12 @@ import warp as wp
 from torch import Tensor
 from torch.autograd.function import once_differentiable
 
-from surfsup.sdf import MeshSurface, Surface
+from surfsup import warp_runtime as runtime
 from surfsup.sph.clearance import ROUNDS, CollisionResult, LastQuery
 from surfsup.sph.environment import Environment
-from surfsup.sph.warp_engine import runtime
 from surfsup.sph.warp_engine.crossing import stop_crossings
 from surfsup.sph.warp_engine.kernels.collision import collision_kernels
-from surfsup.sph.warp_engine.runtime import Precision, precision_of
+from surfsup.warp_runtime import Precision, precision_of
 
 MIN_ROWS, ROW_SHARE = 1024, 4  # a GPU's list has room for this many particles, or for one in so many
 
@@ -57,18 +56,17 @@ class NearList:
         return int(runtime.to_torch(self.length).cpu())
 
 
-def near_list(like: Tensor, surface: Surface, rows: int | None = None) -> NearList:
-    """A list for particles like these (N, 3): counted on a CPU and for a mesh, which is queried there anyway.
+def near_list(like: Tensor, rows: int | None = None) -> NearList:
+    """A list for particles like these (N, 3): counted on a CPU.
 
     Args:
         like: the particles.
-        surface: the solid.
         rows: of a list that is not counted; by default a share of the particles.
     """
     count, device = len(like), runtime.warp_device(like.device)
     if rows is not None:
         return NearList(min(rows, count), device, counted=False)
-    if like.device.type == "cpu" or any(isinstance(part, MeshSurface) for part in surface.modules()):
+    if like.device.type == "cpu":
         return NearList(count, device, counted=True)
     return NearList(min(count, max(MIN_ROWS, count // ROW_SHARE)), device, counted=False)
 
@@ -296,7 +294,7 @@ def resolve_collisions(
             contained = Contained.apply(collisions, positions, velocities)
             if environment.surface is None:
                 return CollisionResult(*contained)
-            near = near_list(positions, environment.surface, rows)
+            near = near_list(positions, rows)
             result = leave_solid(collisions, before, contained, environment, last, near)
             if near.counted or near.rows_in_use() <= near.rows:
                 return result

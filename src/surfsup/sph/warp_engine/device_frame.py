@@ -6,9 +6,9 @@ import torch
 import warp as wp
 from torch import Tensor
 
+from surfsup import warp_runtime as runtime
 from surfsup.sph.environment import Environment
 from surfsup.sph.state import ParticleState
-from surfsup.sph.warp_engine import runtime
 from surfsup.sph.warp_engine.collision import Collisions
 from surfsup.sph.warp_engine.energy import EnergyLimiter
 from surfsup.sph.warp_engine.frame import Boundary, Frame

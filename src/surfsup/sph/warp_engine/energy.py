@@ -9,11 +9,11 @@ import warp as wp
 from torch import Tensor
 from torch.autograd.function import once_differentiable
 
+from surfsup import warp_runtime as runtime
 from surfsup.sph.energy_bound import HALVINGS
 from surfsup.sph.state import ParticleState, free_fall
-from surfsup.sph.warp_engine import runtime
 from surfsup.sph.warp_engine.kernels.energy import FOLD, energy_kernels
-from surfsup.sph.warp_engine.runtime import Precision, precision_of
+from surfsup.warp_runtime import Precision, precision_of
 
 MAX_PARTS = FOLD * FOLD  # partial sums of an energy
 

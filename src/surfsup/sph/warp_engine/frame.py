@@ -12,6 +12,7 @@ import warp as wp
 from torch import Tensor
 from torch.autograd.function import once_differentiable
 
+from surfsup import warp_runtime as runtime
 from surfsup.scene import FRAME_TIME
 from surfsup.sph.boundary.boundary_map import BoundaryMap
 from surfsup.sph.boundary.density import plane_fraction_table
@@ -19,13 +20,12 @@ from surfsup.sph.boundary.shape_functions import CELL_NODES, local_coordinates
 from surfsup.sph.boundary.walls import wall_cells
 from surfsup.sph.environment import Environment
 from surfsup.sph.state import SUBSTEP_TIME, SUBSTEPS
-from surfsup.sph.warp_engine import runtime
 from surfsup.sph.warp_engine.kernels.adjoint import adjoint_kernels
 from surfsup.sph.warp_engine.kernels.boundary import NO_SOLID, PLANE, VOLUME_MAP, boundary_kernels
 from surfsup.sph.warp_engine.kernels.substeps import substep_kernels
 from surfsup.sph.warp_engine.kernels.transfer import transfer_kernels
 from surfsup.sph.warp_engine.neighbors import NeighborSearch, empty_table
-from surfsup.sph.warp_engine.runtime import Precision, precision_of
+from surfsup.warp_runtime import Precision, precision_of
 
 
 @dataclass(frozen=True)
@@ -93,11 +93,14 @@ class Frame:
         boundary: container, solid and gravity.
         capacity: neighbors of a particle for which there is room.
         keep: whether to keep what the backward pass reads.
+        substeps: number of them; their duration stays.
     """
 
-    def __init__(self, like: Tensor, boundary: Boundary, capacity: int, keep: bool = False) -> None:
+    def __init__(
+        self, like: Tensor, boundary: Boundary, capacity: int, keep: bool = False, substeps: int = SUBSTEPS
+    ) -> None:
         self.precision = precision_of(like.dtype)
-        self.boundary, self.keep = boundary, keep
+        self.boundary, self.keep, self.substep_count = boundary, keep, substeps
         self.plane = int(boundary.solid == PLANE)
         self.count, self.dtype, self.torch_device = len(like), like.dtype, like.device
         self.device = runtime.to_warp(like, self.precision.vec3).device
@@ -107,8 +110,8 @@ class Frame:
         self.rest_density = self.reals()
         self.delta_velocity, self.delta_position = self.vectors(), self.vectors()
         # Positions and velocities from substep to substep; without gradients two sets take turns.
-        self.motions = [[self.vectors(), self.vectors()] for _ in range(SUBSTEPS + 1 if keep else 2)]
-        self.substeps = [Substep(self) for _ in range(SUBSTEPS if keep else 1)]
+        self.motions = [[self.vectors(), self.vectors()] for _ in range(substeps + 1 if keep else 2)]
+        self.substeps = [Substep(self) for _ in range(substeps if keep else 1)]
         self.search = NeighborSearch(self.count, capacity, self.precision, self.device)
         self.factors: Any = empty_table(self.count, capacity, self.precision.real, self.device)
 
@@ -137,7 +140,7 @@ class Frame:
         )
         self.delta_velocity.zero_()
         self.delta_position.zero_()
-        for number in range(SUBSTEPS):
+        for number in range(self.substep_count):
             self.run_substep(number)
         self.launch(
             transfer.finish_particles,
@@ -188,7 +191,7 @@ class Frame:
 
     def record(self) -> FrameRecord:
         """The last substep in the caller's order."""
-        substep, motion, vec3 = self.substeps[-1], self.motion(SUBSTEPS - 1), self.precision.vec3
+        substep, motion, vec3 = self.substeps[-1], self.motion(self.substep_count - 1), self.precision.vec3
         difference = self.vectors()
         self.launch(
             substep_kernels(self.precision).sum_velocity_differences,
@@ -231,7 +234,7 @@ class Frame:
         of_value, of_squares, of_approach, of_boundary = (self.reals() for _ in range(4))
         of_boundary_gradient = self.vectors()
         sums = [own_velocity, of_value, of_gradient, of_squares, of_approach, of_friction]
-        for number in reversed(range(SUBSTEPS)):
+        for number in reversed(range(self.substep_count)):
             substep, motion = self.substeps[number], self.motion(number)
             pressure = substep.results[-1]
             self.launch(

@@ -9,11 +9,11 @@ from typing import Any
 
 import warp as wp
 
+from surfsup import warp_runtime as runtime
 from surfsup.sph.kernels import KERNEL_SUPPORT
 from surfsup.sph.stability import check_pairs
-from surfsup.sph.warp_engine import runtime
 from surfsup.sph.warp_engine.kernels.search import search_kernels
-from surfsup.sph.warp_engine.runtime import Precision
+from surfsup.warp_runtime import Precision
 
 # Cells in a row along x, rows, and rows from one layer to the next. The first two are powers of two.
 SMALL_GRID, LARGE_GRID = (32, 1024, 32), (256, 16384, 641)

@@ -7,6 +7,7 @@ from functools import cache
 import torch
 from torch import Tensor
 
+from surfsup import warp_runtime as runtime
 from surfsup.native.dispatch import needs_gradient
 from surfsup.sph import dfsph
 from surfsup.sph.clearance import LastQuery
@@ -14,8 +15,7 @@ from surfsup.sph.environment import Environment
 from surfsup.sph.kernel_sums import kernel_graph
 from surfsup.sph.kernels import KERNEL_SUPPORT
 from surfsup.sph.neighbor_search import find_neighbors
-from surfsup.sph.state import ParticleState
-from surfsup.sph.warp_engine import runtime
+from surfsup.sph.state import SUBSTEPS, ParticleState
 from surfsup.sph.warp_engine.collision import Collisions, Contained, NearList, leave_solid, near_list
 from surfsup.sph.warp_engine.device_frame import DeviceFrame
 from surfsup.sph.warp_engine.energy import LimitedFrame
@@ -28,7 +28,7 @@ from surfsup.sph.warp_engine.kernels.search import search_kernels
 from surfsup.sph.warp_engine.kernels.substeps import substep_kernels
 from surfsup.sph.warp_engine.kernels.transfer import transfer_kernels
 from surfsup.sph.warp_engine.neighbors import CAPACITY
-from surfsup.sph.warp_engine.runtime import precision_of
+from surfsup.warp_runtime import precision_of
 
 FACTORIES = (
     search_kernels,
@@ -106,7 +106,7 @@ class WarpSolver:
             while True:
                 near = None
                 if handle_collisions and environment.surface is not None:
-                    near = near_list(state.positions, environment.surface, self.room.rows)
+                    near = near_list(state.positions, self.room.rows)
                 if boundary.solid == PLANE or with_gradient:
                     frame, result = self._step_by_operations(
                         state, environment, boundary, near, handle_collisions, with_gradient
@@ -182,8 +182,23 @@ class WarpSolver:
             return state.positions, state.velocities
         return self._solve(state, environment, predicted, distance, normal)[1]
 
+    def pushed_apart(self, state: ParticleState, environment: Environment) -> tuple[Tensor, Tensor]:
+        """Positions (N, 3) and velocities (N, 3) after one substep of particles at rest without gravity.
+
+        Raises:
+            SimulationError: as :meth:`step`.
+        """
+        distance, normal = environment.distance_and_normal(state.positions)
+        return self._solve(state, environment, state.positions, distance, normal, substeps=1)[1]
+
     def _solve(
-        self, state: ParticleState, environment: Environment, predicted: Tensor, distance: Tensor, normal: Tensor
+        self,
+        state: ParticleState,
+        environment: Environment,
+        predicted: Tensor,
+        distance: Tensor,
+        normal: Tensor,
+        substeps: int = SUBSTEPS,
     ) -> tuple[Frame, tuple[Tensor, Tensor]]:
         values = [value.contiguous() for value in (state.positions, state.velocities, distance, normal)]
         with_gradient = needs_gradient(*values)
@@ -191,7 +206,7 @@ class WarpSolver:
         needed = bytes_per_particle(values[0].dtype, with_gradient)
         with runtime.memory_errors(len(values[0]), needed, values[0].device), runtime.on_stream(values[0].device):
             while True:
-                frame = Frame(values[0], boundary, self.room.neighbors, keep=with_gradient)
+                frame = Frame(values[0], boundary, self.room.neighbors, keep=with_gradient, substeps=substeps)
                 ends = DifferentiableFrame.apply(frame, *values, predicted.detach())
                 if self.room.was_enough(frame):
                     return frame, ends

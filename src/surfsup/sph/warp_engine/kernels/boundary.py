@@ -19,7 +19,7 @@ from surfsup.sph.boundary.density import (
 from surfsup.sph.boundary.shape_functions import CELL_NODES
 from surfsup.sph.boundary.walls import MIN_WALL_DISTANCE
 from surfsup.sph.kernels import KERNEL_SUPPORT
-from surfsup.sph.warp_engine.runtime import Precision
+from surfsup.warp_runtime import Precision
 
 NO_SOLID, PLANE, VOLUME_MAP = 0, 1, 2  # how the solid is given
 NODES = len(CELL_NODES)

@@ -10,7 +10,7 @@ from types import SimpleNamespace
 import warp as wp
 
 from surfsup.sph.clearance import CLEARANCE, LIPSCHITZ_BOUND, TOLERANCE
-from surfsup.sph.warp_engine.runtime import Precision
+from surfsup.warp_runtime import Precision
 
 
 @cache

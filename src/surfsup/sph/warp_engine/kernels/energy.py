@@ -12,7 +12,7 @@ import warp as wp
 
 from surfsup.scene import FRAME_TIME
 from surfsup.sph.energy_bound import HALVINGS, MAX_DELTA_VELOCITY, MAX_ENERGY_GAIN
-from surfsup.sph.warp_engine.runtime import Precision
+from surfsup.warp_runtime import Precision
 
 FOLD = 64  # partial sums that one thread adds up
 

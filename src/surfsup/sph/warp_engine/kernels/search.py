@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import warp as wp
 
 from surfsup.sph.kernels import KERNEL_SUPPORT
-from surfsup.sph.warp_engine.runtime import Precision
+from surfsup.warp_runtime import Precision
 
 MAX_CELL = 2**20  # cells from the origin along an axis; particles beyond share the last cell
 

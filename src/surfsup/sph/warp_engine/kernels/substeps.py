@@ -8,7 +8,7 @@ import warp as wp
 from surfsup.sph import dfsph
 from surfsup.sph.kernels import KERNEL_SUPPORT
 from surfsup.sph.state import SUBSTEP_TIME
-from surfsup.sph.warp_engine.runtime import Precision
+from surfsup.warp_runtime import Precision
 
 
 @cache

@@ -7,7 +7,7 @@ import warp as wp
 
 from surfsup.scene import FRAME_TIME
 from surfsup.sph.kernels import KERNEL_SUPPORT
-from surfsup.sph.warp_engine.runtime import Precision
+from surfsup.warp_runtime import Precision
 
 
 @cache

@@ -1,23 +1,20 @@
 import os
 import subprocess
 import sys
-from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
 import torch
-import warp as wp
 
 from surfsup.errors import SimulationError
-from surfsup.sph.warp_engine.runtime import (
+from surfsup.sph.warp_engine.solver import bytes_per_particle
+from surfsup.warp_runtime import (
     driver_problem,
     launch_error,
     load_kernels,
     memory_errors,
-    precision_of,
     start,
 )
-from surfsup.sph.warp_engine.solver import FACTORIES, bytes_per_particle
 
 FRAME = """
 import torch
@@ -102,17 +99,3 @@ def test_too_little_memory_says_how_many_particles_would_fit(monkeypatch):
 
 def test_an_error_without_words_is_named_by_its_type():
     assert "(KeyError)" in str(launch_error("cuda:0", KeyError()))
-
-
-@pytest.mark.parametrize("architecture", [80, 90])
-@pytest.mark.parametrize("dtype", [torch.float32, torch.float64])
-def test_all_kernels_compile_for_gpus(architecture, dtype, tmp_path):
-    start("cpu")
-    precision = precision_of(dtype)
-    modules = {}
-    for factory in FACTORIES:
-        for kernel in factory(precision).kernels:
-            modules[kernel.module.name] = kernel.module
-    for module in modules.values():
-        paths = wp.compile_aot_module(module, arch=architecture, module_dir=tmp_path, use_ptx=True)
-        assert any(f".target sm_{architecture}" in Path(path).read_text() for path in paths)
