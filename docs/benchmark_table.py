@@ -40,6 +40,7 @@ ROWS = (
     "honey_speed",
     "start_up",
     "design_bowl",
+    "oil_and_water",
     "live",
     "thin_cup",
     "dam_break",
