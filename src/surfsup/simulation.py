@@ -240,7 +240,6 @@ class Simulation:
             state = replace(state, fluid=open_fluid(state))
         self._state = state
 
-    @torch.no_grad()
     def step(self) -> Frame:
         """Advance by a frame of the simulator and return the particles.
 
@@ -249,15 +248,20 @@ class Simulation:
         Raises:
             SimulationError: the simulation failed: particles are at infinity or collapsed into a clump.
         """
+        self._step()
+        return self.frame
+
+    @torch.no_grad()
+    def _step(self) -> None:
+        """As :meth:`step`, without copies of the particles."""
         if not self._free(self._state):
             self._state = self._advance(self._state, 1.0, self._state.frame + 1)
-            return self.frame
+            return
         state, forces = self._state, MeanForces()
         for part in range(1, COUPLINGS + 1):
             state = self._advance(state, 1 / COUPLINGS, self._state.frame + part / COUPLINGS)
             forces.add(part, state.forces)
         self._state = replace(state, frame=self._state.frame + 1, forces=forces.mean(0, COUPLINGS))
-        return self.frame
 
     def _free(self, state: SimulationState) -> dict[str, BodyState]:
         """The rigid bodies that move freely."""
@@ -441,14 +445,14 @@ class Simulation:
             target = first + number * interval
             while self._state.frame < target - ROUNDING:
                 before = self._state
-                self.step()
+                self._step()
                 means.add(self._state.frame, self._state.forces)
             frame = self._between(before, target)
             yield (
                 frame if number == 0 else replace(frame, forces=self._requested(means.mean(target - interval, target)))
             )
         while self._state.frame < first + steps - ROUNDING:
-            self.step()
+            self._step()
 
     def _between(self, before: SimulationState, target: float) -> Frame:
         """The particles at ``target`` frames, from the present state or between ``before`` and it."""
