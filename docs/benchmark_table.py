@@ -38,6 +38,7 @@ ROWS = (
     "physics_duct",
     "physics_drop",
     "honey_speed",
+    "oil_and_water",
     "live",
     "thin_cup",
     "dam_break",

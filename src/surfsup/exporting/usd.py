@@ -9,7 +9,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from pxr import Gf, Tf, Usd, UsdGeom, Vt
+from pxr import Gf, Sdf, Tf, Usd, UsdGeom, Vt
 
 from surfsup.errors import InputError
 from surfsup.exporting.frames import ParticleFrame
@@ -61,7 +61,9 @@ class UsdWriter:
         self._frames = {"Particles": 0, "Surface": 0, "Solid": 0}
 
     def particles(self, frame: ParticleFrame) -> None:
-        """Write the particles of the next frame, with the attributes ``widths``, ``ids`` and ``velocities``."""
+        """Write the particles of the next frame, with the attributes ``widths``, ``ids`` and ``velocities``.
+
+        Particles of several liquids have the primvar ``liquid``, their number."""
         code, points = self._next("Particles"), UsdGeom.Points.Define(self._stage, "/Water/Particles")
         positions = vectors(frame.positions)
         widths = Vt.FloatArray(len(positions), 2 * frame.radius)
@@ -71,6 +73,10 @@ class UsdWriter:
         points.CreateWidthsAttr().Set(widths, code)
         points.CreateExtentAttr().Set(UsdGeom.Points.ComputeExtent(positions, widths), code)
         color(points, WATER_COLOR)
+        if frame.liquids is not None:
+            kind, varying = Sdf.ValueTypeNames.IntArray, UsdGeom.Tokens.varying
+            numbers = UsdGeom.PrimvarsAPI(points).CreatePrimvar("liquid", kind, varying)
+            numbers.Set(Vt.IntArray.FromNumpy(frame.liquids.astype(np.int32)), code)
         self._save(code)
 
     def surface(self, frame: MeshFrame) -> None:

@@ -28,7 +28,7 @@ StepResult step(Solver& solver, Fluid fluid, const SolidQuery& solid, bool handl
     if (solid && fluid.boundary_map.cell_indices) {
         // The pressure solve reads the map and needs no normal. Collision handling needs exact distances, but only of
         // particles that come near.
-        update_query(predicted.data(), fluid.count, parameters.collision.clearance, solid, last_query, distance.data());
+        update_query(predicted.data(), fluid.count, parameters.collision, solid, last_query, distance.data());
     } else if (solid) {
         normal.resize(3 * count);
         std::copy(predicted.begin(), predicted.end(), last_query.positions);
@@ -41,8 +41,8 @@ StepResult step(Solver& solver, Fluid fluid, const SolidQuery& solid, bool handl
     const int64_t pairs = solver.advance(fluid, state.positions, state.velocities, record, isa, threads, max_pairs);
     if (pairs < 0 || pairs > max_pairs) return {pairs, 0, false};
     const double work = solver.outer_work();
-    const double gain =
-        energy_gain(fluid.positions, fluid.velocities, state.positions, state.velocities, fluid.count, fluid.gravity);
+    const double gain = energy_gain(fluid.positions, fluid.velocities, state.positions, state.velocities, fluid.count,
+                                    fluid.gravity, fluid.masses);
     if (gain - work > parameters.max_energy_gain) return {pairs, work, false};
     if (handle_collisions && fluid.moving)
         resolve_moving_collisions(fluid.positions, state.positions, state.velocities, state.collided, fluid.count,
