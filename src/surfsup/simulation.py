@@ -56,6 +56,7 @@ class Frame:
             since the frame before. The first frame has none.
         liquids: (N,) int32, in a scene of several liquids which of :attr:`surfsup.Scene.mixture` each particle is; None
             in others.
+        bodies: velocities and accelerations of the rigid bodies, by name.
 
     Examples:
         >>> import surfsup as sf
@@ -72,6 +73,7 @@ class Frame:
     ids: np.ndarray = field(default_factory=lambda: np.empty(0, np.int64))
     forces: Mapping[str, Wrench] = field(default_factory=dict)
     liquids: np.ndarray | None = None
+    bodies: Mapping[str, BodyState] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         """The time and the number of particles, not all their numbers."""
@@ -80,7 +82,8 @@ class Frame:
     @property
     def recorded(self) -> OutputFrame:
         """What a trajectory file has of it."""
-        return self.positions, self.velocities, self.poses, self.ids, self.forces, self.liquids
+        motions = {name: body.motion for name, body in self.bodies.items()}
+        return OutputFrame(self.positions, self.velocities, self.poses, self.ids, self.forces, self.liquids, motions)
 
 
 @dataclass(frozen=True)
@@ -205,9 +208,8 @@ class Simulation:
         """The particles now."""
         state = self._state
         fluid = state.fluid
-        return self._as_frame(
-            self.time, fluid.positions, fluid.velocities, state.poses, ids_of(fluid), state.forces, liquids_of(fluid)
-        )
+        frame = self._as_frame(self.time, fluid.positions, fluid.velocities, state.poses, ids_of(fluid), state.forces)
+        return replace(frame, liquids=liquids_of(fluid), bodies=state.bodies)
 
     def reset(self, state: SimulationState | None = None) -> None:
         """Return to an earlier state of this simulation, or of one of the same scene; by default to the start.
@@ -461,7 +463,13 @@ class Simulation:
             result = resolve_collisions(old.positions, positions, velocities, environment)
             positions, velocities = result.positions, result.velocities
         time = self._start_time + target * self._units.frame_time
-        return self._as_frame(time, positions, velocities, poses, ids, liquids=liquids_of(new))
+        bodies = {
+            name: BodyState.of(poses[name], (1 - part) * before.bodies[name].motion + part * body.motion)
+            for name, body in self._state.bodies.items()
+            if name in before.bodies and name in poses
+        }
+        frame = self._as_frame(time, positions, velocities, poses, ids)
+        return replace(frame, liquids=liquids_of(new), bodies=bodies)
 
     def _motion_between(
         self, moving: MovingSolids, start: Mapping[str, Pose], end: Mapping[str, Pose], part: float = 1.0
@@ -483,11 +491,10 @@ class Simulation:
         poses: Mapping[str, Pose],
         ids: np.ndarray,
         forces: Mapping[str, Wrench] = NO_FORCES,
-        liquids: np.ndarray | None = None,
     ) -> Frame:
         """A frame with copies of the particles as NumPy arrays, in the units of the scene."""
         arrays = (values.detach().float().cpu().numpy().copy() for values in (positions, velocities))
-        return Frame(time, *self._units.frame_from_solver(*arrays), poses, ids, self._requested(forces), liquids)
+        return Frame(time, *self._units.frame_from_solver(*arrays), poses, ids, self._requested(forces))
 
 
 def with_liquids(fluid: FluidState, start: InitialParticles) -> FluidState:

@@ -47,9 +47,9 @@ def test_a_restart_and_a_continuation_keep_the_liquids(recorded):
     longer = Continuation(recorded, scene.with_frames(15), "dfsph", Simulation)
     frames = list(longer.frames())
     assert len(frames) == 15
-    for positions, _, _, ids, _, liquids in frames:
-        assert len(positions) == len(ids) == len(liquids)
-    assert (frames[-1][5][: len(frames[3][5])] == frames[3][5]).all()
+    for frame in frames:
+        assert len(frame.positions) == len(frame.ids) == len(frame.liquids)
+    assert (frames[-1].liquids[: len(frames[3].liquids)] == frames[3].liquids).all()
 
 
 def test_a_restart_with_other_liquids_is_refused(recorded):

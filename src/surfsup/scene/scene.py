@@ -276,16 +276,6 @@ class Scene(StrictModel):
         return self
 
     @model_validator(mode="after")
-    def check_restart(self) -> Scene:
-        """Refuse to continue rigid bodies, whose velocities no trajectory has."""
-        named = {name: entry for name, entry in self.surfaces.items() if isinstance(entry, NamedShape)}
-        if self.restart is not None and (
-            free := [name for name, entry in named.items() if entry.rigid_body is not None]
-        ):
-            raise ValueError(f"restart: '{free[0]}' is a rigid body, whose velocity no trajectory has; omit restart")
-        return self
-
-    @model_validator(mode="after")
     def count_frames(self) -> Scene:
         """Compute the number of frames from the duration."""
         fastest = 1 / self.units.frame_time
