@@ -10,7 +10,7 @@ help:
 	@echo "make docs     the documentation as a site in out/site"
 	@echo "make bench    speed beside the reference solver, growth with the number of particles, a pool at rest; half an hour, alone"
 	@echo "make faults   the fault campaign: damaged files, kills, full disks; an hour"
-	@echo "make sanitize the tests of the C++ code with the sanitizers of the compiler; half an hour"
+	@echo "make sanitize the tests of the C++ code with the sanitizers of the compiler; some minutes"
 	@echo "make wheel    a wheel with the C++ code for the present Python, in dist"
 	@echo "make release  wheels, source archive, notes and checksums, in dist"
 	@echo "make corrected  data and training of the corrected simulator; hours, resumable"

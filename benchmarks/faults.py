@@ -25,7 +25,7 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 import numpy as np
 
-from fault_campaign.campaign import KINDS
+from fault_campaign.campaign import KINDS, Choice
 from fault_campaign.inputs import make_inputs
 from fault_campaign.preload import MODULES, SHORT_MODULES, preload
 from fault_campaign.verdict import BAD
@@ -38,7 +38,9 @@ def main() -> int:
     parser.add_argument("--only", nargs="+", choices=list(KINDS), default=list(KINDS))
     parser.add_argument("--names", default="", help="a regular expression, of the cases to repeat")
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--json", type=Path, help="where the results go")
+    parser.add_argument(
+        "--json", type=Path, help="where the results go, one by one; those there already are not repeated"
+    )
     parser.add_argument("--keep", action="store_true", help="keep the folders of faults")
     arguments = parser.parse_args()
     began = time.monotonic()
@@ -46,14 +48,17 @@ def main() -> int:
     os.environ["SURFSUP_CACHE"] = str(work / "cache")
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # with the results so far
     preload(SHORT_MODULES if arguments.short else MODULES)
-    rows = []
+    rows = read(arguments.json, arguments.seed)
     try:
         inputs = make_inputs(work / "inputs", light=arguments.short)
         for kind in arguments.only:
             random = np.random.default_rng([arguments.seed, list(KINDS).index(kind)])
             count = KINDS[kind].short if arguments.short else KINDS[kind].count
-            for row in KINDS[kind].rows(random, count, inputs, work / kind, arguments.keep, arguments.names):
-                rows.append(row)
+            done = {row["number"] for row in rows if row["of"] == kind}
+            choice = Choice(arguments.names, done, arguments.keep)
+            for row in KINDS[kind].rows(random, count, inputs, work / kind, choice):
+                rows.append({"of": kind, **row})
+                write(arguments.json, arguments.seed, rows)
                 if row["outcome"] in BAD:
                     print(f"{row['outcome']}: {kind}: {row['name']}: {row['reason']}", flush=True)
     except KeyboardInterrupt:
@@ -63,10 +68,25 @@ def main() -> int:
             shutil.rmtree(work, ignore_errors=True)
     print(table(rows))
     print(f"{len(rows)} runs in {time.monotonic() - began:.0f} s, seed {arguments.seed}")
-    if arguments.json:
-        arguments.json.parent.mkdir(parents=True, exist_ok=True)
-        arguments.json.write_text(json.dumps({"seed": arguments.seed, "rows": rows}, indent=1) + "\n")
     return int(any(row["outcome"] in BAD for row in rows))
+
+
+def read(path: Path | None, seed: int) -> list[dict[str, object]]:
+    """The results of earlier legs with the same seed."""
+    if path is None or not path.exists():
+        return []
+    content = json.loads(path.read_text())
+    return content["rows"] if content["seed"] == seed else []
+
+
+def write(path: Path | None, seed: int, rows: list[dict[str, object]]) -> None:
+    """All results so far."""
+    if path is None:
+        return
+    path.parent.mkdir(parents=True, exist_ok=True)
+    partial = path.with_suffix(".partial")
+    partial.write_text(json.dumps({"seed": seed, "rows": rows}, indent=1) + "\n")
+    partial.replace(path)
 
 
 def table(rows: list[dict[str, object]]) -> str:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import os
 import re
 import shutil
-from collections.abc import Callable, Iterator
+import time
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -17,6 +18,27 @@ from fault_campaign import kills, learned, meshes, recordings, scenes, surroundi
 from fault_campaign.inputs import Inputs
 from fault_campaign.program import call, surfsup
 from fault_campaign.verdict import BAD, Case, verdict
+
+Run = tuple[str, str, Callable[[Path], tuple[str, str]]]  # kind, name, and what happens in a folder
+
+
+@dataclass(frozen=True)
+class Choice:
+    """Which cases are tried.
+
+    Attributes:
+        names: a regular expression that their names match.
+        done: numbers of those that an earlier leg has tried.
+        keep: whether the folders of faults stay.
+    """
+
+    names: str = ""
+    done: Collection[int] = ()
+    keep: bool = False
+
+    def takes(self, number: int, name: str) -> bool:
+        """Whether a case is tried."""
+        return number not in self.done and re.search(self.names, name) is not None
 
 
 @dataclass(frozen=True)
@@ -33,27 +55,37 @@ class Kind:
     short: int
 
     def rows(
-        self, random: np.random.Generator, count: int, inputs: Inputs, work: Path, keep: bool, names: str
+        self, random: np.random.Generator, count: int, inputs: Inputs, work: Path, choice: Choice
     ) -> Iterator[dict[str, Any]]:
-        """The results, of cases alone whose names match a regular expression."""
+        """The results of the cases that are chosen."""
         for number, case in enumerate(self.cases(random, count, inputs)):
-            if re.search(names, case.name):
-                yield run_case(case, work / f"{number:04d}", keep)
+            if choice.takes(number, case.name):
+                yield {"number": number, **run_case(case, work / f"{number:04d}", choice.keep)}
 
 
 @dataclass(frozen=True)
 class Scenario:
     """A kind of fault in which a run is not alone, see :class:`Kind`."""
 
-    all_rows: Callable[[np.random.Generator, int, Inputs, Path], Iterator[dict[str, Any]]]
+    runs: Callable[[np.random.Generator, int, Inputs], Iterator[Run]]
     count: int
     short: int
 
     def rows(
-        self, random: np.random.Generator, count: int, inputs: Inputs, work: Path, keep: bool, names: str
+        self, random: np.random.Generator, count: int, inputs: Inputs, work: Path, choice: Choice
     ) -> Iterator[dict[str, Any]]:
-        """The results, of cases alone whose names match a regular expression."""
-        yield from self.all_rows(random, count, inputs, work)
+        """The results of the runs that are chosen."""
+        for number, (kind, name, run) in enumerate(self.runs(random, count, inputs)):
+            if not choice.takes(number, name):
+                continue
+            folder = work / f"{number:04d}"
+            folder.mkdir(parents=True)
+            began = time.monotonic()
+            outcome, reason = run(folder)
+            seconds = round(time.monotonic() - began, 1)
+            yield {
+                "number": number, "kind": kind, "name": name, "outcome": outcome, "reason": reason, "seconds": seconds
+            }  # fmt: skip
 
 
 KINDS: dict[str, Kind | Scenario] = {
@@ -61,8 +93,8 @@ KINDS: dict[str, Kind | Scenario] = {
     "scene": Kind(scenes.cases, 200, 8),
     "learned": Kind(learned.cases, 150, 0),
     "trajectory": Kind(recordings.cases, 150, 6),
-    "kill": Scenario(kills.rows, 100, 1),
-    "surroundings": Scenario(surroundings.rows, 150, 1),
+    "kill": Scenario(kills.runs, 100, 1),
+    "surroundings": Scenario(surroundings.runs, 150, 1),
 }
 
 

@@ -9,6 +9,7 @@ import trimesh
 
 from fault_campaign.program import surfsup
 
+LENGTH = 0.015  # meters, the particle radius of the simulators
 SCENE = """\
 container: {size: [0.6, 0.6, 0.9]}
 surface: {sphere: {radius: 0.1}, at: [0, 0, 0.15]}

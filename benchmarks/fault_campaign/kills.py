@@ -12,7 +12,6 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -71,23 +70,20 @@ SHARES = {
 }  # fmt: skip
 
 
-def rows(random: np.random.Generator, count: int, inputs: Inputs, work: Path) -> Iterator[dict[str, Any]]:
-    """The results of all kills."""
+def runs(
+    random: np.random.Generator, count: int, inputs: Inputs
+) -> Iterator[tuple[str, str, Callable[[Path], tuple[str, str]]]]:
+    """All kills."""
     known = verbs(inputs)
     order = [name for name, share in SHARES.items() for _ in range(share)]
     for number in range(count):
         name = order[(number * 7) % len(order)]
-        folder = work / f"kill-{number:04d}"
-        folder.mkdir(parents=True)
         moment = float(random.uniform(0.02, known[name].longest))
-        number_of_signal = SIGNALS[int(random.integers(len(SIGNALS)))]
-        began = time.monotonic()
-        outcome, reason = kill(known[name], folder, moment, number_of_signal)
-        text = f"{name} {number_of_signal.name} after {moment:.2f} s"
-        yield {"kind": "kill", "name": text, "outcome": outcome, "reason": reason, "seconds": time.monotonic() - began}
+        one = SIGNALS[int(random.integers(len(SIGNALS)))]
+        yield "kill", f"{name} {one.name} after {moment:.2f} s", partial(kill, known[name], moment, one)
 
 
-def kill(verb: Verb, folder: Path, moment: float, number: signal.Signals) -> tuple[str, str]:
+def kill(verb: Verb, moment: float, number: signal.Signals, folder: Path) -> tuple[str, str]:
     """What a kill leaves."""
     if verb.earlier:
         surfsup(

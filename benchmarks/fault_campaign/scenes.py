@@ -1,9 +1,8 @@
-"""Damaged scene files: any value replaced by a hostile one, keys lost or misspelled, and damaged text."""
+"""Scene files: unusual ones that run, hostile values, keys lost or misspelled, and damaged text."""
 
 from __future__ import annotations
 
 import copy
-import json
 import os
 from collections.abc import Iterator
 from functools import partial
@@ -15,6 +14,8 @@ import yaml
 
 from fault_campaign import damage
 from fault_campaign.inputs import QUIET, Inputs
+from fault_campaign.soundness import unsound
+from fault_campaign.unusual import unusual_scene
 from fault_campaign.verdict import Case
 
 WATER = {"block": {"min": [-0.1, -0.1, 0.5], "max": [0.1, 0.1, 0.7]}}
@@ -119,26 +120,30 @@ def replaced(tree: dict[str, Any], random: np.random.Generator) -> tuple[str, di
 
 
 def cases(random: np.random.Generator, count: int, inputs: Inputs) -> Iterator[Case]:
-    """Two of three have other values, the others are damaged text."""
+    """Four of six are unusual but valid, one has hostile values, one is damaged text."""
     kinds = list(SCENES)
     for number in range(count):
+        own = np.random.default_rng(random.integers(1 << 62))
         kind = kinds[number % len(kinds)]
         tree = {"frames": 3, **SCENES[kind]} if kind != "tap" else SCENES[kind]
-        if number % 3 < 2:
-            name, changed = replaced(tree, random)
+        if number % 6 < 4:
+            name, changed = unusual_scene(own)
+            yield case(f"unusual {number}: {name}", yaml.safe_dump(changed).encode(), inputs)
+            continue
+        if number % 6 == 4:
+            name, changed = replaced(tree, own)
             data = yaml.safe_dump(changed, allow_unicode=True).encode("utf-8", "surrogatepass")
         else:
             damages = (*damage.TEXT, damage.cut, damage.flip_bits, damage.drop, damage.repeat, damage.insert)
-            one = damages[int(random.integers(len(damages)))]
-            name, data = one.__name__, one(yaml.safe_dump(tree).encode(), random)
-        yield case(f"{kind} {name} {number}", data, inputs)
+            one = damages[int(own.integers(len(damages)))]
+            name, data = one.__name__, one(yaml.safe_dump(tree).encode(), own)
+        yield case(f"{kind} {name} {number}", data, inputs, ("--frames", 3) * (b"duration" not in data))
 
 
-def case(name: str, data: bytes, inputs: Inputs) -> Case:
-    """The simulation of the damaged scene."""
-    arguments = ["simulate", "scene.yaml", "-o", "out", "--frames", 3, *QUIET]
-    arguments = arguments if b"duration" not in data else arguments[:-4] + list(QUIET)
-    return Case("scene", name, arguments, partial(prepare, data, inputs), finite, "scene.yaml")
+def case(name: str, data: bytes, inputs: Inputs, frames: tuple[object, ...] = ()) -> Case:
+    """The simulation of the scene."""
+    arguments = ["simulate", "scene.yaml", "-o", "out", *frames, *QUIET]
+    return Case("scene", name, arguments, partial(prepare, data, inputs), unsound, "scene.yaml")
 
 
 def prepare(data: bytes, inputs: Inputs, folder: Path) -> None:
@@ -149,18 +154,3 @@ def prepare(data: bytes, inputs: Inputs, folder: Path) -> None:
     (folder / "folder").mkdir()
     (folder / "loop").symlink_to("loop")
     os.mkfifo(folder / "pipe")
-
-
-def finite(folder: Path) -> str:
-    """What is wrong with an accepted scene's trajectory."""
-    from surfsup.io.trajectory import Trajectory
-
-    summary = json.loads((folder / "out" / "summary.json").read_text())
-    if summary["penetrations"] or summary["out_of_container"]:
-        return f"{summary['penetrations']} in the solid, {summary['out_of_container']} out of the container"
-    with Trajectory(folder / "out" / "trajectory.h5") as trajectory:
-        for number in range(len(trajectory)):
-            ids = trajectory.ids(number)
-            if not all(np.isfinite(data[number][ids]).all() for data in (trajectory.positions, trajectory.velocities)):
-                return f"frame {number} has values that are not finite"
-    return ""

@@ -10,8 +10,8 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from functools import partial
+from itertools import islice
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -72,21 +72,16 @@ def writers(inputs: Inputs) -> dict[str, list[object]]:
 Before = Callable[[], None]
 
 
-def rows(random: np.random.Generator, count: int, inputs: Inputs, work: Path) -> Iterator[dict[str, Any]]:
-    """The results of all; the first ``count`` of them."""
-    for number, (name, run) in enumerate(runs(random, inputs)):
-        if number == count:
-            break
-        folder = work / f"around-{number:04d}"
-        folder.mkdir(parents=True)
-        began = time.monotonic()
-        outcome, reason = run(folder)
-        seconds = round(time.monotonic() - began, 1)
-        yield {"kind": "surroundings", "name": name, "outcome": outcome, "reason": reason, "seconds": seconds}
+def runs(
+    random: np.random.Generator, count: int, inputs: Inputs
+) -> Iterator[tuple[str, str, Callable[[Path], tuple[str, str]]]]:
+    """The first ``count`` of all."""
+    for name, run in islice(everything(inputs), count):
+        yield "surroundings", name, run
 
 
-def runs(random: np.random.Generator, inputs: Inputs) -> Iterator[tuple[str, Callable[[Path], tuple[str, str]]]]:
-    """Each with its name."""
+def everything(inputs: Inputs) -> Iterator[tuple[str, Callable[[Path], tuple[str, str]]]]:
+    """All of them with their names."""
     verbs = writers(inputs)
     yield "two runs", partial(two_runs, verbs["simulate"] + ["--frames", 3000])
     for size in (4_000, 30_000, 60_000, 200_000):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -37,6 +38,7 @@ from surfsup.sph.scene_motion import SceneMotion, warn_jumps
 from surfsup.sph.simulator import FluidState, Simulator
 from surfsup.sph.start import start_of
 from surfsup.sph.state import MixtureState, ParticleState, mixture_state
+from surfsup.sph.thin_walls import ThinWallWarning, thin_wall_warning
 
 COUPLINGS = 5  # of rigid bodies and water in a frame
 NO_FORCES: Mapping[str, Wrench] = {}
@@ -135,6 +137,8 @@ class Simulation:
         motion: what moves; :meth:`set_pose` and :meth:`set_motion` control it.
         particles: of the first frame.
 
+    Walls that are too thin for the particles are warned of (``ThinWallWarning``).
+
     Raises:
         InputError: simulator, device or a file of the scene cannot be used, no particle is left, or a rigid body has no
             volume or overlaps another solid.
@@ -176,6 +180,8 @@ class Simulation:
             simulator = WithTaps(simulator, Passages.of(scene, self.motion.solids, self._start_time))
         self._simulator: Simulator[Any] = simulator.to(self._device)
         self.surface = self.motion.solids.still
+        if warning := thin_wall_warning(self.motion.solids, scene.units):
+            warnings.warn(warning, ThinWallWarning, stacklevel=2)
         solid = self.motion.solids.at_time(self._start_time)
         placed = scene.initial_particles(solid) if particles is None else particles
         self._units = scene.units.around(scene, placed)

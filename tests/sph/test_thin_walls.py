@@ -1,15 +1,18 @@
 """Walls that are too thin for particles are warned of, and edges are no walls."""
 
+import warnings
+
 import pytest
 import torch
 import trimesh
 
-from surfsup.scene import Scene
+from surfsup.scene import Block, Scene
 from surfsup.scene.solids import Solids, build_solids
 from surfsup.scene.units import Units
-from surfsup.sdf import Box, Sphere, Torus
+from surfsup.sdf import Box, Sphere, Torus, Transformed
 from surfsup.sdf.mesh.surface import MeshSurface
-from surfsup.sph.thin_walls import thin_wall, thin_wall_warning
+from surfsup.simulation import Simulation
+from surfsup.sph.thin_walls import ThinWallWarning, thin_wall, thin_wall_warning
 
 LIMIT = 0.02
 
@@ -45,3 +48,13 @@ def test_the_warning_names_the_solid_and_a_radius_that_is_small_enough():
     assert thin_wall_warning(Solids(None), scene.units) is None
     torch.manual_seed(1)
     assert thin_wall_warning(build_solids(scene), scene.units) == warning
+
+
+def test_a_simulation_in_python_warns_of_them():
+    water = [Block((0, 0, 0.6), (0.1, 0.1, 0.7))]
+    plate = Transformed(Box((0.5, 0.5, 0.004)), translation=(0, 0, 0.4))
+    with pytest.warns(ThinWallWarning, match="walls of the solid are 4 mm thick"):
+        Simulation(Scene(surface=plate, fluid=water), device="cpu")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        Simulation(Scene(surface=Transformed(Sphere(0.1), translation=(0, 0, 0.2)), fluid=water), device="cpu")

@@ -24,7 +24,9 @@ def live(
 
     require_viser()
     require_port(host, port)
-    server = LiveServer(scene_options.read(), out, host, port)
+    scene = scene_options.read()
+    with scene_options.named():
+        server = LiveServer(scene, out, host, port)
     typer.echo(f"open http://{host}:{port} in a browser; Ctrl-C ends it")
     try:
         server.run()

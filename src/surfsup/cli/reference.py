@@ -37,10 +37,11 @@ def reference(
         warnings.warn("the reference records no forces on solids; the solver dfsph does", stacklevel=1)
     if scene.flush:
         warnings.warn("the reference keeps its water off flush surfaces, too", stacklevel=1)
-    solids = build_solids(scene)
-    start_time = scene.start_time
     solver.check_installed()
-    particles = Simulation(scene, device="cpu").particles  # as ours begins
+    with scene_options.named():
+        solids = build_solids(scene)
+        start_time = scene.start_time
+        particles = Simulation(scene, device="cpu").particles  # as ours begins
     most = len(particles.positions) + entering_particles(scene)
     folder = output.create_folder(scene_options.source, most, scene.frames)
     liquids = particles.liquids

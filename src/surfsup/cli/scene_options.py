@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, TypeVar
 
 import typer
 
@@ -14,6 +16,9 @@ from surfsup.errors import InputError
 if TYPE_CHECKING:
     from surfsup.scene import Scene
 
+Frame = TypeVar("Frame")
+
+SCENE_SUFFIXES = (".yaml", ".yml")
 FOR_SCENE_FILES = ("source", "frames", "duration", "fps", "particle_radius", "restart")
 
 
@@ -72,7 +77,7 @@ class SceneOptions:
         from surfsup.scene import PARTICLE_RADIUS, Block, Container, Scene
         from surfsup.scene.from_surface import DEFAULT_FIT, Placement, scene_from_surface
 
-        if self.source.suffix.lower() in (".yaml", ".yml"):
+        if self.source.suffix.lower() in SCENE_SUFFIXES:
             options = [field for field in fields(self) if field.name not in FOR_SCENE_FILES]
             given = [option.name for option in options if getattr(self, option.name) != option.default]
             if given:
@@ -90,6 +95,21 @@ class SceneOptions:
         scene, summary = scene_from_surface(self.source, placement, container, block, self.frames or 800, radius)
         typer.echo(summary, err=True)
         return self._with_changes(scene)
+
+    @contextmanager
+    def named(self) -> Iterator[None]:
+        """Within it, what is wrong with the scene is said with the name of its file."""
+        try:
+            yield
+        except InputError as error:
+            if self.source.suffix.lower() not in SCENE_SUFFIXES or str(self.source) in str(error):
+                raise
+            raise InputError(f"{self.source}: {error}") from None
+
+    def named_while(self, frames: Iterator[Frame]) -> Iterator[Frame]:
+        """The frames, likewise: a map of the solid is made when the first of them is computed."""
+        with self.named():
+            yield from frames
 
     def _with_changes(self, scene: Scene) -> Scene:
         return scene.with_changes(

@@ -38,7 +38,6 @@ def simulate(
     from surfsup.learned.loading import load_simulator
     from surfsup.simulation import Simulation
     from surfsup.sph.device import choose_device
-    from surfsup.sph.thin_walls import thin_wall_warning
 
     began = time.perf_counter()
     simulator, card = load_simulator(simulator_name)
@@ -53,16 +52,17 @@ def simulate(
 
     frames: Iterator[OutputFrame]
     if resume:
-        rest = Continuation(output.interrupted(scene_options.source), scene, name, simulation_of)
+        with scene_options.named():
+            rest = Continuation(output.interrupted(scene_options.source), scene, name, simulation_of)
         simulation, most_ids, frames = rest.simulation, rest.most_ids, rest.frames()
     else:
-        simulation = simulation_of(scene)
-        if warning := thin_wall_warning(simulation.motion.solids, scene.units):
-            warnings.warn(warning, stacklevel=1)
+        with scene_options.named():
+            simulation = simulation_of(scene)
         most_ids = simulation.most_ids()
         frames = (frame.recorded for frame in simulation.run())
     folder = output.create_folder(scene_options.source, most_ids, scene.frames)
     with progress_bar(f"simulating with {name}") as bar:
         solids, crossings = simulation.motion.solids, lambda: simulation.state.crossings
-        summary = folder.record(scene, solids, frames, Provenance(name), device, bar, began, crossings)
+        named = scene_options.named_while(frames)
+        summary = folder.record(scene, solids, named, Provenance(name), device, bar, began, crossings)
     output.finish(folder, summary, simulation.particles.excluded)

@@ -15,7 +15,8 @@ from surfsup.errors import InputError
 from surfsup.exporting.frames import ParticleFrame
 from surfsup.exporting.mesh_frame import MeshFrame
 from surfsup.exporting.sequence import check_overwrite
-from surfsup.exporting.up_axis import UpAxis
+from surfsup.exporting.solids import SolidMeshes
+from surfsup.exporting.up_axis import UpAxis, with_up_axis
 
 FRAMES_PER_SAVE = 8  # unsaved frames are in memory
 WATER_COLOR, SOLID_COLOR = (0.25, 0.5, 0.8), (0.6, 0.6, 0.6)
@@ -89,9 +90,9 @@ class UsdWriter:
         """Write the solid, which does not move."""
         self._mesh("/Water/Solid", frame, Usd.TimeCode.Default(), SOLID_COLOR)
 
-    def moving_solid(self, frame: MeshFrame) -> None:
-        """Write the solid of the next frame."""
-        code = self._next("Solid")
+    def moving_solids(self, solids: SolidMeshes, time: float, up: UpAxis) -> None:
+        """Write the solids of the next frame."""
+        code, frame = self._next("Solid"), with_up_axis(solids.at(time), up)
         mesh = self._mesh("/Water/Solid", frame, code, SOLID_COLOR)
         mesh.CreateVelocitiesAttr().Set(vectors(frame.velocities), code)
         self._save(code)

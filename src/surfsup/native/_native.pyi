@@ -154,6 +154,7 @@ class CollisionParameters:
 
     clearance: float
     tolerance: float
+    lipschitz_bound: float
     rounds: int
 
 class SolverParameters:

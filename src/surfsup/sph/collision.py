@@ -10,7 +10,7 @@ from torch import Tensor
 
 from surfsup import native
 from surfsup.native.dispatch import can_run_native, fastest_isa
-from surfsup.sph.clearance import CLEARANCE, ROUNDS, TOLERANCE, CollisionResult, LastQuery
+from surfsup.sph.clearance import CLEARANCE, LIPSCHITZ_BOUND, ROUNDS, TOLERANCE, CollisionResult, LastQuery
 from surfsup.sph.environment import Environment
 from surfsup.sph.moving import FrameMotion
 from surfsup.sph.native_query import native_query
@@ -128,4 +128,5 @@ def collision_parameters() -> native.CollisionParameters:
     """The constants of this module for C++ code."""
     parameters = native.CollisionParameters()
     parameters.clearance, parameters.tolerance, parameters.rounds = CLEARANCE, TOLERANCE, ROUNDS
+    parameters.lipschitz_bound = LIPSCHITZ_BOUND
     return parameters

@@ -18,8 +18,8 @@ from surfsup.scene import Scene
 from surfsup.scene.flush import with_flush_solids
 from surfsup.scene.solids import Solids, build_solids
 from surfsup.sdf import Surface, Transformed
-from surfsup.sdf.edges import with_edges
 from surfsup.sph.boundary.boundary_map import BoundaryMap
+from surfsup.sph.collision_surface import for_collisions
 from surfsup.sph.impulses import Impulses
 from surfsup.sph.liquid import LiquidForces, Mixture
 from surfsup.sph.moving import FrameMotion, MovingSolids
@@ -96,7 +96,7 @@ class Environment:
         if solids is not None and (fitted := with_flush_solids(solids)) is not solids:
             solids, surface = fitted, fitted.still
         return cls(
-            None if surface is None else surface_on(with_edges(surface), device),
+            None if surface is None else surface_on(for_collisions(surface), device),
             torch.tensor(container.lower, device=device),
             torch.tensor(container.upper, device=device),
             torch.tensor(scene.gravity, device=device),

@@ -26,6 +26,10 @@ NEAR = 1e-3  # of the solid's extent: a sample that ends so near the surface is 
 STEP = 1e-5  # of the solid's extent
 
 
+class ThinWallWarning(UserWarning):
+    """A wall is too thin for the particles."""
+
+
 def thin_wall_warning(solids: Solids, units: Units) -> str | None:
     """One line on the walls of a scene that are too thin for its particles; None if there are none."""
     limit = OPAQUE * units.length

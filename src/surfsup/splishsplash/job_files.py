@@ -28,7 +28,7 @@ VOLUME_MAPS = 2
 DFSPH = 4
 FIXED_STEP = 0
 STANDARD_VISCOSITY, WEILER_VISCOSITY = 1, 6
-AKINCI_TENSION = 2
+AKINCI_TENSION, AKINCI_NAME = 2, "Akinci et al. 2013"
 
 VISCOSITY_ERROR = 1e-4  # of the conjugate gradients, relative to the velocities; by default 0.01
 
@@ -80,7 +80,7 @@ def surface_tension(liquid: LiquidForces) -> dict[str, object]:
     if not liquid.surface_tension and not liquid.adhesion:
         return {}
     coefficients = {"surfaceTension": liquid.surface_tension, "surfaceTensionBoundary": liquid.adhesion}
-    return {"surfaceTensionMethod": AKINCI_TENSION, "Akinci et al. 2013": coefficients}
+    return {"surfaceTensionMethod": AKINCI_TENSION, AKINCI_NAME: coefficients}
 
 
 def solver_scene(

@@ -50,7 +50,9 @@ def trajectory_meshes(trajectory: Trajectory) -> tuple[trimesh.Trimesh | None, l
     solids = build_solids(trajectory.scene, list(trajectory.poses))
     still = None if solids.still is None else solids.still.to_mesh(SOLID_RESOLUTION)
     poses = scene_poses(trajectory)
-    moving = [MovingMesh(solid.surface.to_mesh(MOVING_RESOLUTION), poses[solid.name]) for solid in solids.moving]
+    moving = [
+        MovingMesh(solid.surface.to_mesh(MOVING_RESOLUTION), poses[solid.name], solid.name) for solid in solids.moving
+    ]
     return still, moving
 
 

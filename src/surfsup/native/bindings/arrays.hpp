@@ -9,6 +9,8 @@
 #include <nanobind/stl/tuple.h>
 #include <nanobind/stl/vector.h>
 
+#include <algorithm>
+#include <limits>
 #include <stdexcept>
 #include <string>
 
@@ -50,6 +52,33 @@ inline void expect(size_t rows, size_t count, const char* name) {
     if (rows != count)
         throw std::invalid_argument(std::string(name) + " has " + std::to_string(rows) + " rows, but must have " +
                                     std::to_string(count));
+}
+
+// The product of three positive sizes, or -1 where it exceeds what 62 bits hold.
+template <typename Size>
+int64_t product_of(const Size* sizes) {
+    int64_t product = 1;
+    for (int axis = 0; axis < 3; ++axis) {
+        if (sizes[axis] < 1 || sizes[axis] > (int64_t{1} << 62) / product) return -1;
+        product *= sizes[axis];
+    }
+    return product;
+}
+
+// Neighbor lists index the particles, so both arrays are read once before.
+inline void expect_graph(const Indices& starts, const Indices& senders) {
+    const auto count = static_cast<int64_t>(starts.shape(0)) - 1, edges = static_cast<int64_t>(senders.shape(0));
+    if (count < 0 || count >= std::numeric_limits<int32_t>::max() || edges > std::numeric_limits<int32_t>::max())
+        throw std::invalid_argument("starts must have one entry more than there are particles");
+    bool right = starts.data()[0] == 0 && starts.data()[count] == edges;
+    for (int64_t i = 0; i < count; ++i) right = right && starts.data()[i] <= starts.data()[i + 1];
+    int64_t lowest = 0, highest = -1;
+    for (int64_t e = 0; e < edges; ++e) {
+        lowest = std::min(lowest, senders.data()[e]);
+        highest = std::max(highest, senders.data()[e]);
+    }
+    if (!right || lowest < 0 || highest >= count)
+        throw std::invalid_argument("starts must grow from 0 to the number of edges, and senders be particles");
 }
 
 // A query of a native solid or of a Python function that writes distances and normals; empty for None.

@@ -127,11 +127,8 @@ void rows_backward(Weight rows, Weights arrays, double epsilon, Kept kept, Any o
 // The arrays that both passes on edges have.
 surfsup::EdgePass edge_pass(const Indices& starts, const Indices& senders, const Any& edges,
                             const surfsup::PerceptronWeights& weights, Precision precision) {
-    if (starts.shape(0) == 0) throw std::invalid_argument("starts must have one entry more than there are nodes");
-    count_of(senders.shape(0));
+    expect_graph(starts, senders);
     if (weights.depth != weights.width) throw std::invalid_argument("the first layer of an edge must be square");
-    if (starts.data()[starts.shape(0) - 1] != static_cast<int64_t>(senders.shape(0)))
-        throw std::invalid_argument("starts must end with the number of edges");
     expect_matrix(edges, senders.shape(0), static_cast<size_t>(weights.width), precision, "edges");
     surfsup::EdgePass pass{};
     pass.starts = starts.data(), pass.senders = senders.data(), pass.edges = edges.data();

@@ -1,5 +1,4 @@
 // The neighbor convolution and kernel sums in Python.
-#include <limits>
 #include <optional>
 
 #include "bindings/arrays.hpp"
@@ -13,8 +12,7 @@ using Sums = Array<const float, nb::shape<-1, surfsup::KERNELS, 4>>;
 using NewSums = Array<float, nb::shape<-1, surfsup::KERNELS, 4>>;
 
 surfsup::NeighborGraph graph_of(const Indices& starts, const Indices& senders, const Kernels& kernels) {
-    if (starts.shape(0) == 0 || starts.shape(0) > std::numeric_limits<int32_t>::max())
-        throw std::invalid_argument("starts must have one entry more than there are particles");
+    expect_graph(starts, senders);
     expect(kernels.shape(0), senders.shape(0), "kernels");
     return {static_cast<int32_t>(starts.shape(0) - 1), starts.data(), senders.data(), kernels.data()};
 }
@@ -26,9 +24,9 @@ bool same_shape(const One& one, const Other& other) {
 
 int checked_width(const Weight& mix, const Weight& self, const Weight& hidden, const surfsup::NeighborGraph& graph) {
     const size_t width = self.shape(0);
-    if (width == 0 || width % surfsup::CHANNELS || self.shape(1) != width || mix.shape(0) != surfsup::KERNELS * width ||
-        mix.shape(1) != width || hidden.shape(1) != width)
-        throw std::invalid_argument("the native convolution needs weights of one width, a multiple of 16");
+    if (width == 0 || width > 4096 || width % surfsup::CHANNELS || self.shape(1) != width ||
+        mix.shape(0) != surfsup::KERNELS * width || mix.shape(1) != width || hidden.shape(1) != width)
+        throw std::invalid_argument("the native convolution needs weights of one width, a multiple of 16 up to 4096");
     expect(hidden.shape(0), static_cast<size_t>(graph.count), "hidden");
     return static_cast<int>(width);
 }

@@ -45,12 +45,12 @@ struct OwnedMesh {
 template <typename Real>
 surfsup::SdfGrid<Real> make_grid(const Grid& grid) {
     const auto& [table, lower, center, cell, nodes] = grid;
-    const uint64_t count = static_cast<uint64_t>(nodes[0]) * static_cast<uint64_t>(nodes[1]) * static_cast<uint64_t>(nodes[2]);
-    if (std::min({nodes[0], nodes[1], nodes[2]}) < 2 || count != table.shape(0))
+    if (std::min({nodes[0], nodes[1], nodes[2]}) < 2 || product_of(nodes.data()) != static_cast<int64_t>(table.shape(0)))
         throw std::invalid_argument("the table of a grid does not have one row per node");
     surfsup::SdfGrid<Real> made{};
     made.table = table.data();
     made.cell = static_cast<Real>(cell);
+    if (!(made.cell > 0)) throw std::invalid_argument("the cells of a grid must have a size");
     for (size_t axis = 0; axis < 3; ++axis) {
         made.lower[axis] = static_cast<Real>(lower[axis]);
         made.center[axis] = static_cast<Real>(center[axis]);

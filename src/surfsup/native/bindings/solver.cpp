@@ -22,8 +22,10 @@ int32_t checked_count(size_t count) {
 void make_boundary_map(surfsup::BoundaryMap* map, Vector lower, Vector cell, SmallIndices resolution, SmallIndices cell_indices,
                        Nodes nodes) {
     expect(resolution.shape(0), 3, "resolution");
-    int64_t cells = 1;
-    for (int axis = 0; axis < 3; ++axis) cells *= resolution.data()[axis];
+    const int64_t cells = product_of(resolution.data());
+    constexpr int32_t MAX_RESOLUTION = 1 << 24;  // whole numbers up to it are exact in single precision
+    if (cells < 1 || *std::max_element(resolution.data(), resolution.data() + 3) > MAX_RESOLUTION || nodes.shape(0) == 0)
+        throw std::invalid_argument("a boundary map needs cells, and a last one for what is outside");
     expect(cell_indices.shape(0), static_cast<size_t>(cells), "cell_indices");
     for (int64_t k = 0; k < cells; ++k)
         if (cell_indices.data()[k] >= static_cast<int64_t>(nodes.shape(0)) - 1)
@@ -308,6 +310,7 @@ void add_solver(nb::module_& module) {
         .def(nb::init<>())
         .def_rw("clearance", &CollisionParameters::clearance)
         .def_rw("tolerance", &CollisionParameters::tolerance)
+        .def_rw("lipschitz_bound", &CollisionParameters::lipschitz_bound)
         .def_rw("rounds", &CollisionParameters::rounds);
     nb::class_<SolverParameters>(module, "SolverParameters")
         .def(nb::init<>())

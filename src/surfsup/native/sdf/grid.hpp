@@ -34,7 +34,7 @@ inline Real upper_corner(const SdfGrid<Real>& grid, size_t axis) {
     return grid.lower[axis] + grid.cell * static_cast<Real>(grid.nodes[axis] - 1);
 }
 
-// The trilinear mean of the table at a point inside the grid.
+// The trilinear mean of the table at a point inside the grid. No point, not even NaN, reads beyond the table.
 template <typename Real>
 inline Vector4 interpolate_table(const SdfGrid<Real>& grid, const Real* point) {
     const int64_t stride_y = grid.nodes[2], stride_x = grid.nodes[1] * grid.nodes[2];
@@ -42,8 +42,7 @@ inline Vector4 interpolate_table(const SdfGrid<Real>& grid, const Real* point) {
     float weights[3][2];
     for (size_t axis = 0; axis < 3; ++axis) {
         const Real position = (point[axis] - grid.lower[axis]) / grid.cell, last = static_cast<Real>(grid.nodes[axis] - 2);
-        first[axis] = static_cast<int64_t>(position < last ? position : last);  // NaN is in the last cell
-        first[axis] = first[axis] < 0 ? 0 : first[axis];
+        first[axis] = static_cast<int64_t>(position > 0 ? (position < last ? position : last) : 0);
         weights[axis][1] = static_cast<float>(position - static_cast<Real>(first[axis]));
         weights[axis][0] = 1.0f - weights[axis][1];
     }

@@ -15,6 +15,7 @@ namespace {
 constexpr int32_t CHUNK = 4096, SAMPLED_CHUNK = 512;
 constexpr int64_t MAX_LANES = 16;
 constexpr float NOT_A_NUMBER = std::numeric_limits<float>::quiet_NaN();
+constexpr int MAX_DEPTH = 1000;     // of nested solids: they are evaluated recursively
 constexpr int BOX_PARAMETERS = 15;  // size, rotation, center
 
 struct KindDescription {
@@ -75,6 +76,8 @@ Solid::Solid(const std::string& kind, const std::vector<float>& parameters, cons
     if (!right_parameters || (expected.parts < 0 ? part_count == 0 : part_count != expected.parts))
         throw std::invalid_argument("a native '" + kind + "' cannot have " + std::to_string(parameter_count) +
                                     " parameters and " + std::to_string(part_count) + " parts");
+    for (const Solid* part : parts) depth_ = std::max(depth_, part->depth_ + 1);
+    if (depth_ > MAX_DEPTH) throw std::invalid_argument("solids are nested too deeply");
     std::vector<int32_t> roots;
     for (const Solid* part : parts) {
         const auto first_node = static_cast<int32_t>(nodes_.size()), first_parameter = static_cast<int32_t>(parameters_.size());
@@ -104,9 +107,8 @@ Solid::Solid(std::shared_ptr<const SampledShape> shape)
 void Solid::evaluate(const float* points, int32_t count, float* distance, float* normal, const Isa& isa, int threads) const {
     const int64_t stride = static_cast<int64_t>(count) + MAX_LANES;  // vectors may extend beyond the last point
     AlignedFloats rows(static_cast<size_t>(4 * stride) * shapes_.size());
-    const bool with_normal = normal || std::any_of(nodes_.begin(), nodes_.end(), [](const CsgNode& node) {
-                                 return node.kind == Kind::edged_intersection;
-                             });
+    const bool with_normal = normal || std::any_of(nodes_.begin(), nodes_.end(),
+                                                   [](const CsgNode& node) { return node.kind == Kind::edged_intersection; });
     std::vector<Samples> samples;
     for (const PlacedShape& placed : shapes_) {
         samples.push_back({rows.data() + 4 * stride * static_cast<int64_t>(samples.size()), stride, with_normal});

@@ -17,7 +17,7 @@ struct Similarity {
 
 class Solid {
 public:
-    // Throws std::invalid_argument for an unknown kind or a wrong number of parameters or parts.
+    // Throws std::invalid_argument for an unknown kind, a wrong number of parameters or parts, and too deep a tree.
     Solid(const std::string& kind, const std::vector<float>& parameters, const std::vector<const Solid*>& parts);
 
     explicit Solid(std::shared_ptr<const SampledShape> shape);
@@ -33,6 +33,7 @@ private:
     void sample(const PlacedShape& placed, const Isa& isa, const float* points, int32_t count, const Samples& samples,
                 int threads) const;
 
+    int depth_ = 1;  // of the tree
     std::vector<CsgNode> nodes_;
     std::vector<float> parameters_;
     std::vector<int32_t> parts_;

@@ -17,6 +17,7 @@ using FloatPoint = std::array<float, 3>;
 constexpr int32_t MAX_LEAF_SIZE = 8;      // triangles in a leaf
 constexpr int32_t CHUNK = 256;            // points per task of a thread
 constexpr float BOUND_FACTOR = 1.00001f;  // keeps a triangle at exactly the maximum distance
+constexpr double MAX_EXTENT = 1e38;       // of a mesh: single precision holds it
 constexpr int STACK_SIZE = 64;            // halving 2^31 triangles gives a depth of 30, with two entries per level
 
 template <typename Vector>
@@ -83,17 +84,22 @@ TriangleBvh::TriangleBvh(const double* vertices, int64_t vertex_count, const int
     lower.fill(std::numeric_limits<double>::infinity());
     upper.fill(-std::numeric_limits<double>::infinity());
     exact_corners_.resize(count);
+    bool finite = true;
     for (size_t face = 0; face < count; ++face)
         for (size_t corner = 0; corner < 3; ++corner) {
             const int64_t vertex = faces[3 * face + corner];
             if (vertex < 0 || vertex >= vertex_count) throw std::out_of_range("a face has an invalid vertex index");
             for (size_t axis = 0; axis < 3; ++axis) {
                 const double value = vertices[3 * vertex + static_cast<int64_t>(axis)];
+                finite = finite && std::isfinite(value);
                 exact_corners_[face][corner][axis] = value;
                 lower[axis] = std::min(lower[axis], value);
                 upper[axis] = std::max(upper[axis], value);
             }
         }
+    for (size_t axis = 0; axis < 3; ++axis) finite = finite && upper[axis] - lower[axis] < MAX_EXTENT;
+    // Sorting centroids that are not numbers would leave the array.
+    if (!finite) throw std::out_of_range("a vertex is not finite, or too far away");
     double extent = 0;
     for (size_t axis = 0; axis < 3; ++axis) {
         center_[axis] = (lower[axis] + upper[axis]) / 2;

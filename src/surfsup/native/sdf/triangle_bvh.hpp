@@ -13,7 +13,8 @@ namespace surfsup {
 // nearest point on it is computed in double precision.
 class TriangleBvh {
 public:
-    // Vertices (vertex_count, 3) in meters and faces (face_count, 3). Throws std::out_of_range for an invalid vertex index.
+    // Vertices (vertex_count, 3) in meters and faces (face_count, 3). Throws std::out_of_range for an invalid vertex
+    // index and a vertex that is not finite.
     TriangleBvh(const double* vertices, int64_t vertex_count, const int64_t* faces, int64_t face_count);
 
     struct Nearest {

@@ -26,9 +26,9 @@ struct SubsetQuery {
 
 }  // namespace
 
-void update_query(const float* positions, int32_t count, float clearance, const SolidQuery& solid, const LastQuery& last_query,
-                  float* lower_bound) {
-    const std::vector<int32_t> near = possibly_near(positions, last_query, count, clearance);
+void update_query(const float* positions, int32_t count, const CollisionParameters& parameters, const SolidQuery& solid,
+                  const LastQuery& last_query, float* lower_bound) {
+    const std::vector<int32_t> near = possibly_near(positions, last_query, count, parameters);
     if (!near.empty()) {
         SubsetQuery query;
         query.run(solid, positions, near, false);
@@ -39,8 +39,8 @@ void update_query(const float* positions, int32_t count, float clearance, const 
         }
     }
     for (int64_t i = 0; i < count; ++i)
-        lower_bound[i] =
-            last_query.distance[i] - LIPSCHITZ_BOUND * distance_between(last_query.positions + 3 * i, positions + 3 * i);
+        lower_bound[i] = last_query.distance[i] -
+                         parameters.lipschitz_bound * distance_between(last_query.positions + 3 * i, positions + 3 * i);
 }
 
 void resolve_collisions(const float* before, float* positions, float* velocities, bool* collided, int32_t count,
@@ -55,11 +55,10 @@ void resolve_collisions(const float* before, float* positions, float* velocities
         if (collided[i]) watch.add_to(0);
     }
     if (!solid) return;
-    for (const int32_t i : stop_crossings(solid, last_query, before, positions, count, parameters.clearance))
-        collided[i] = true;
+    for (const int32_t i : stop_crossings(solid, last_query, before, positions, count, parameters)) collided[i] = true;
     std::vector<int32_t> active;
     if (last_query) {
-        active = possibly_near(positions, *last_query, count, parameters.clearance);
+        active = possibly_near(positions, *last_query, count, parameters);
     } else {
         active.resize(static_cast<size_t>(count));
         std::iota(active.begin(), active.end(), 0);

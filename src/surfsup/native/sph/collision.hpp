@@ -23,10 +23,10 @@ struct Container {
     const float *lower, *upper;
 };
 
-// Queries the solid for those particles at `positions` that may be nearer than `clearance` according to their last query, which
-// is updated. Writes a lower bound of the distance of all particles (count).
-void update_query(const float* positions, int32_t count, float clearance, const SolidQuery& solid, const LastQuery& last_query,
-                  float* lower_bound);
+// Queries the solid for those particles at `positions` that may be nearer than the clearance according to their last query,
+// which is updated. Writes a lower bound of the distance of all particles (count).
+void update_query(const float* positions, int32_t count, const CollisionParameters& parameters, const SolidQuery& solid,
+                  const LastQuery& last_query, float* lower_bound);
 
 // Moves particles out of solid and walls in place, see sph/collision.py, and marks them in `collided` (count). `before` are the
 // positions at the frame's start. `solid` may be empty; without `last_query` every particle queries it. Adds to `impulses`

@@ -9,14 +9,7 @@
 
 namespace surfsup {
 
-// Lipschitz bound of a signed distance: a neural distance may exceed the true one by this factor.
-constexpr float LIPSCHITZ_BOUND = 2.0f;
-
-// Tracing of a path through a solid.
-constexpr int MAX_ADVANCES = 64;          // of a particle along its path
-constexpr float CONTACT_FRACTION = 0.5f;  // of the clearance or the first distance, whichever is less: a path is cut there
-constexpr float MIN_SWEPT_PATH = 0.9f;    // of the clearance: a shorter path cannot lead through a solid
-constexpr float TOUCH = 0.05f;            // of the clearance: a path so near the solid leads into it
+constexpr float MIN_SWEPT_PATH = 0.9f;  // of the clearance: a shorter path cannot lead through a solid
 
 // Clamps a particle into the box and removes velocity that points out. Returns whether it moved; NaN counts as moved.
 inline bool contain(float* position, float* velocity, const float* lower, const float* upper) {
@@ -47,13 +40,14 @@ inline float distance_between(const float* from, const float* to) {
     return std::sqrt(x * x + y * y + z * z);
 }
 
-// Particles that may be nearer than `clearance` to the solid according to their last query. NaN positions are included.
-inline std::vector<int32_t> possibly_near(const float* positions, const LastQuery& last_query, int32_t count, float clearance) {
+// Particles that may be nearer than the clearance to the solid according to their last query. NaN positions are included.
+inline std::vector<int32_t> possibly_near(const float* positions, const LastQuery& last_query, int32_t count,
+                                          const CollisionParameters& parameters) {
     std::vector<int32_t> near;
     for (int32_t i = 0; i < count; ++i) {
         const int64_t at = 3 * static_cast<int64_t>(i);
-        if (!(LIPSCHITZ_BOUND * distance_between(last_query.positions + at, positions + at) <
-              last_query.distance[i] - clearance))
+        if (!(parameters.lipschitz_bound * distance_between(last_query.positions + at, positions + at) <
+              last_query.distance[i] - parameters.clearance))
             near.push_back(i);
     }
     return near;

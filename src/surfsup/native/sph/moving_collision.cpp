@@ -5,6 +5,7 @@
 #include "sph/collision_steps.hpp"
 #include "sph/crossing.hpp"
 #include "sph/moving_solids.hpp"
+#include "sph/path_tracing.hpp"
 
 namespace surfsup {
 namespace {
@@ -108,7 +109,7 @@ struct Candidates {
 };
 
 Candidates candidates_of(const Obstacle& obstacle, const float* before, const float* positions, int32_t count,
-                         float clearance) {
+                         const CollisionParameters& parameters) {
     Candidates found;
     for (int32_t i = 0; i < count; ++i) {
         const int64_t at = 3 * static_cast<int64_t>(i);
@@ -116,55 +117,34 @@ Candidates candidates_of(const Obstacle& obstacle, const float* before, const fl
         obstacle.start.to_own(before + at, from);
         obstacle.end.place.to_own(positions + at, to);
         const float path = distance_between(from, to), room = distance_to_box(to, obstacle.lower, obstacle.upper);
-        if (room > clearance + path) continue;  // a NaN passes
-        if (room > clearance && !(path > clearance)) continue;
+        if (room > parameters.clearance + path) continue;  // a NaN passes
+        if (room > parameters.clearance && !(path > parameters.clearance)) continue;
         const float* last = obstacle.last_query->positions + at;
         const float known = obstacle.last_query->distance[i];
-        if (!(LIPSCHITZ_BOUND * distance_between(last, to) < known - clearance)) found.near.push_back(i);
-        if (path > MIN_SWEPT_PATH * clearance && !(LIPSCHITZ_BOUND * (distance_between(last, from) + path) < known))
+        if (!(parameters.lipschitz_bound * distance_between(last, to) < known - parameters.clearance)) found.near.push_back(i);
+        if (path > MIN_SWEPT_PATH * parameters.clearance &&
+            !(parameters.lipschitz_bound * (distance_between(last, from) + path) < known))
             found.crossing.push_back(i);
     }
     return found;
 }
 
-// Shortens the paths of particles `crossing` to where they enter the solid: sphere tracing (J. C. Hart, "Sphere tracing", The
-// Visual Computer 12, 1996) in the frame of the solid, where its own motion is part of the path.
+// Shortens the paths of particles `crossing` to where they enter the solid. In its frame its own motion is part of the path.
 void stop_at_entry(const Obstacle& obstacle, const float* before, float* positions, bool* collided,
-                   const std::vector<int32_t>& crossing, float clearance) {
-    struct Path {
-        int32_t particle;
-        float from[3], to[3], length, part, contact;
-    };
+                   const std::vector<int32_t>& crossing, const CollisionParameters& parameters) {
     std::vector<Path> paths;
     for (const int32_t i : crossing) {
-        Path path{i, {}, {}, 0, 0, -1};
+        Path path{i, {}, {}, 0};
         obstacle.start.to_own(before + 3 * static_cast<int64_t>(i), path.from);
         obstacle.end.place.to_own(positions + 3 * static_cast<int64_t>(i), path.to);
         path.length = distance_between(path.from, path.to);
         if (path.length > 0) paths.push_back(path);
     }
-    std::vector<float> points, distance;
-    for (int advance = 0; advance < MAX_ADVANCES && !paths.empty(); ++advance) {
-        points.resize(3 * paths.size()), distance.resize(paths.size());
-        for (size_t k = 0; k < paths.size(); ++k)
-            for (size_t axis = 0; axis < 3; ++axis)
-                points[3 * k + axis] = paths[k].from[axis] + paths[k].part * (paths[k].to[axis] - paths[k].from[axis]);
-        (*obstacle.query)(points.data(), static_cast<int32_t>(paths.size()), distance.data(), nullptr);
-        std::vector<Path> going;
-        for (size_t k = 0; k < paths.size(); ++k) {
-            Path path = paths[k];
-            if (advance == 0) {
-                if (!(distance[k] > 0)) continue;  // it begins inside: projection moves it out
-                path.contact = CONTACT_FRACTION * std::min(clearance, distance[k]);
-            } else if (distance[k] <= path.contact) {
-                obstacle.end.place.to_world(&points[3 * k], positions + 3 * static_cast<int64_t>(path.particle));
-                collided[path.particle] = true;
-                continue;
-            }
-            path.part += distance[k] / LIPSCHITZ_BOUND / path.length;
-            if (path.part < 1) going.push_back(path);
-        }
-        paths = std::move(going);
+    for (const Path& path : entering_paths(*obstacle.query, std::move(paths), parameters, parameters.clearance)) {
+        float entry[3];
+        path.point_at(path.cut, entry);
+        obstacle.end.place.to_world(entry, positions + 3 * static_cast<int64_t>(path.particle));
+        collided[path.particle] = true;
     }
 }
 
@@ -185,17 +165,16 @@ void resolve_moving_collisions(const float* before, float* positions, float* vel
     for (size_t number = 0; number < obstacles.size(); ++number) {
         const Obstacle& obstacle = obstacles[number];
         if (!obstacle.moves)
-            for (const int32_t i :
-                 stop_crossings(*obstacle.query, obstacle.last_query, before, positions, count, parameters.clearance))
+            for (const int32_t i : stop_crossings(*obstacle.query, obstacle.last_query, before, positions, count, parameters))
                 collided[i] = true;
         if (!obstacle.moves && obstacle.last_query) {
-            active[number] = possibly_near(positions, *obstacle.last_query, count, parameters.clearance);
+            active[number] = possibly_near(positions, *obstacle.last_query, count, parameters);
         } else if (!obstacle.moves) {
             active[number].resize(static_cast<size_t>(count));
             std::iota(active[number].begin(), active[number].end(), 0);
         } else {
-            Candidates found = candidates_of(obstacle, before, positions, count, parameters.clearance);
-            stop_at_entry(obstacle, before, positions, collided, found.crossing, parameters.clearance);
+            Candidates found = candidates_of(obstacle, before, positions, count, parameters);
+            stop_at_entry(obstacle, before, positions, collided, found.crossing, parameters);
             // A particle that stopped is near, wherever it was going.
             for (const int32_t i : found.crossing)
                 if (collided[i]) found.near.push_back(i);

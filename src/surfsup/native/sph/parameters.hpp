@@ -19,9 +19,10 @@ struct BoundaryParameters {
 
 // Collision handling, see sph/collision.py.
 struct CollisionParameters {
-    float clearance;  // smallest distance from a solid or wall to a particle's center
-    float tolerance;  // by which a particle may fall short of the clearance to a solid
-    int rounds;       // projections at most
+    float clearance;        // smallest distance from a solid or wall to a particle's center
+    float tolerance;        // by which a particle may fall short of the clearance to a solid
+    float lipschitz_bound;  // of signed distances: a neural one may exceed the true distance by this factor
+    int rounds;             // projections at most
 };
 
 struct SolverParameters {

@@ -28,7 +28,7 @@ StepResult step(Solver& solver, Fluid fluid, const SolidQuery& solid, bool handl
     if (solid && fluid.boundary_map.cell_indices) {
         // The pressure solve reads the map and needs no normal. Collision handling needs exact distances, but only of
         // particles that come near.
-        update_query(predicted.data(), fluid.count, parameters.collision.clearance, solid, last_query, distance.data());
+        update_query(predicted.data(), fluid.count, parameters.collision, solid, last_query, distance.data());
     } else if (solid) {
         normal.resize(3 * count);
         std::copy(predicted.begin(), predicted.end(), last_query.positions);
