@@ -120,10 +120,10 @@ class OpenCut(Surface):
             return distance, normal
         to_triangles, away = self.triangles.distance_and_normal(points[missed])
         bound, own = distance[missed], normal[missed]
-        farther = to_triangles - self.cell > bound
+        further = to_triangles - self.cell > bound
         distance, normal = distance.clone(), normal.clone()
-        distance[missed] = torch.where(farther, to_triangles - self.cell, bound)
-        normal[missed] = torch.where(farther[:, None], away, own)
+        distance[missed] = torch.where(further, to_triangles - self.cell, bound)
+        normal[missed] = torch.where(further[:, None], away, own)
         return distance, normal
 
     def bounds(self) -> Tensor:

@@ -42,6 +42,9 @@ def settled(start: InitialParticles, environment: Environment, speed_unit: float
     ends = np.cumsum([len(blocks[number]) for number in moving])
     of_mixture = moving if start.block_liquids else ()
     liquids = [np.full(len(blocks[number]), start.block_liquids[number]) for number in of_mixture]
+    if len({int(values[0]) for values in liquids if len(values)}) < 2:
+        # One liquid rests where any does. The solver's own water gets there sooner than thin or viscous liquids.
+        environment, liquids = replace(environment, liquid=None), []
     positions = resting(np.concatenate([blocks[number] for number in moving]), environment, speed_unit, liquids)
     for number, block in zip(moving, np.split(positions, ends[:-1]), strict=True):
         blocks[number] = block
