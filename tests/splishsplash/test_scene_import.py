@@ -160,7 +160,7 @@ def test_emitters_become_taps(converted):
     ("changes", "message"),
     [
         ({"Emitters": [{}], "Materials": [{"id": "Fluid", "emitterReuseParticles": True}]}, "emitters that take back"),
-        ({"AnimationFields": [{}]}, "1 animation fields"),
+        ({"AnimationFields": [{}]}, "1 animation field"),
         ({"Configuration": {**SCENE["Configuration"], "sim2D": True}}, "two dimensions"),
         ({"Configuration": {**SCENE["Configuration"], "scriptFile": "a.py"}}, "the script a.py"),
         ({"Materials": [{"surfaceTensionMethod": 5}]}, "surface tension of another method than Akinci et al. 2013"),

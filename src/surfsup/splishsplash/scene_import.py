@@ -130,7 +130,7 @@ class Converter:
         }
         for key, name in counted.items():
             if number := len(content.get(key, [])):
-                self.missing.append(f"{number} {name}")
+                self.missing.append(f"{number} {name}" if number > 1 else f"1 {name[:-1]}")
         if settings.get("sim2D"):
             self.missing.append("two dimensions")
         if settings.get("scriptFile"):
