@@ -40,7 +40,7 @@ def written(folder, scene, frames):
     scene = scene if isinstance(scene, Scene) else Scene.from_yaml(scene, "test")
     simulation = simulate(scene)
     output = OutputFolder(folder, simulation.most_ids(), scene.frames)
-    run = [(f.positions, f.velocities, f.poses, f.ids, f.forces) for f in islice(simulation.run(), frames)]
+    run = [frame.recorded for frame in islice(simulation.run(), frames)]
     output.record(scene, simulation.motion.solids, run, Provenance("dfsph"), "cpu", lambda done, total: None)
     return scene, output
 
@@ -112,10 +112,46 @@ def test_another_simulator_is_refused(tmp_path):
         Continuation(output.trajectory, scene, "surfsup", simulate)
 
 
-def test_rigid_bodies_are_refused_for_their_velocities_are_in_no_file(tmp_path):
-    text = SCENE.replace("surface: {sphere: {radius: 0.15}, at: [0, 0, 0.15]}", "") + (
-        "surfaces: {boat: {box: {size: [0.2, 0.2, 0.1]}, at: [0, 0, 0.15], rigid_body: {density: 500}}}\n"
-    )
+BOAT = (
+    SCENE.replace("surface: {sphere: {radius: 0.15}, at: [0, 0, 0.15]}", "")
+    + "surfaces: {boat: {box: {size: [0.2, 0.2, 0.1]}, at: [0, 0, 0.15], rigid_body: {density: 500}}}\n"
+)
+
+
+def test_rigid_bodies_continue_with_their_velocities(tmp_path):
+    scene, output = written(tmp_path, BOAT, 6)
+    frames = list(Continuation(output.trajectory, scene, "dfsph", simulate).frames())
+    whole = list(simulate(scene).run())
+    assert len(frames) == len(whole) == 12
+    np.testing.assert_array_equal(frames[5].poses["boat"].array, whole[5].poses["boat"].array)
+    np.testing.assert_array_equal(frames[5].bodies["boat"], whole[5].bodies["boat"].motion)
+    # The velocities of the water are rounded in the file, those of bodies are not.
+    for continued, uninterrupted in zip(frames[6:], whole[6:], strict=True):
+        np.testing.assert_allclose(continued.poses["boat"].array, uninterrupted.poses["boat"].array, atol=1e-5)
+        np.testing.assert_allclose(continued.bodies["boat"][:6], uninterrupted.bodies["boat"].motion[:6], atol=2e-3)
+
+
+def test_a_body_that_falls_freely_continues_exactly(tmp_path):
+    """Nothing rounds a body that the water does not touch."""
+    text = BOAT.replace("at: [0, 0, 0.15]", "at: [0.3, 0.3, 1.2]").replace("{density: 500}", "{velocity: [0.1, 0, 1]}")
     scene, output = written(tmp_path, text, 6)
-    with pytest.raises(InputError, match="has rigid bodies, whose velocities it does not hold; omit --resume"):
+    frames = list(Continuation(output.trajectory, scene, "dfsph", simulate).frames())
+    for continued, uninterrupted in zip(frames, simulate(scene).run(), strict=True):
+        np.testing.assert_array_equal(continued.poses["boat"].array, uninterrupted.poses["boat"].array)
+        np.testing.assert_array_equal(continued.bodies["boat"], uninterrupted.bodies["boat"].motion)
+
+
+def test_a_file_without_the_velocities_of_bodies_is_refused(tmp_path):
+    scene, output = written(tmp_path, BOAT, 6)
+    with h5py.File(output.trajectory, "a") as file:
+        del file["00000/body"]
+    with pytest.raises(InputError, match="does not hold the velocity of the rigid body 'boat'"):
+        Continuation(output.trajectory, scene, "dfsph", simulate)
+
+
+def test_damaged_velocities_of_bodies_are_refused(tmp_path):
+    scene, output = written(tmp_path, BOAT, 6)
+    with h5py.File(output.trajectory, "a") as file:
+        file["00000/body/boat"][-1] = np.nan
+    with pytest.raises(InputError, match="the motion of 'boat' is not twelve finite numbers"):
         Continuation(output.trajectory, scene, "dfsph", simulate)

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from surfsup.evaluation.pair import evaluate_pair as evaluate
     from surfsup.exporting.export import export
     from surfsup.io.trajectory import Trajectory
-    from surfsup.scene import Block, Container, Drain, Fill, Liquid, ParticleFile, Scene, Tap, load_mesh
+    from surfsup.scene import Block, Container, Drain, Fill, Fluid, Liquid, ParticleFile, Scene, Tap, load_mesh
     from surfsup.scene.pose import Pose
     from surfsup.scene.wrench import Wrench
     from surfsup.sdf import (
@@ -50,7 +50,7 @@ _MODULES = {
     "Trajectory": "io.trajectory",
     "export": "exporting.export",
     **dict.fromkeys(
-        ("Block", "Container", "Drain", "Fill", "Liquid", "ParticleFile", "Scene", "Tap", "load_mesh"), "scene"
+        ("Block", "Container", "Drain", "Fill", "Fluid", "Liquid", "ParticleFile", "Scene", "Tap", "load_mesh"), "scene"
     ),
     "Pose": "scene.pose",
     "Wrench": "scene.wrench",
@@ -71,6 +71,7 @@ __all__ = [
     "Difference",
     "Drain",
     "Fill",
+    "Fluid",
     "Frame",
     "Funnel",
     "Heightfield",

@@ -32,8 +32,8 @@ class Continuation:
         simulation: from the last frame of the file on.
 
     Raises:
-        InputError: there is no such file, it is of another scene or simulator, has all frames, or
-            its scene has rigid bodies, whose velocities no file has.
+        InputError: there is no such file, it is of another scene or simulator, or has all frames,
+            or it does not hold the velocities of a rigid body.
     """
 
     def __init__(self, file: Path, scene: Scene, simulator: str, simulate: Callable[[Scene], Simulation]) -> None:
@@ -57,10 +57,6 @@ class Continuation:
             raise InputError(
                 f"{file}: has all {scene.frames} frames already; give more --frames, or omit --resume to begin anew"
             )
-        if any(getattr(entry, "rigid_body", None) is not None for entry in scene.surfaces.values()):
-            raise InputError(
-                f"{file}: has rigid bodies, whose velocities it does not hold; omit --resume to begin anew"
-            )
         self._file = file
         rest = scene.with_frames(scene.frames - self._done + 1)
         self.simulation = simulate(rest.with_changes(restart=file.resolve()))
@@ -78,7 +74,7 @@ class Continuation:
             if number:  # the first is the last of the file
                 entered = np.arange(self._ids, self._ids + max(0, 1 + int(frame.ids.max(initial=-1)) - len(self._last)))
                 ids = np.concatenate([self._last, entered])[frame.ids]
-                yield frame.positions, frame.velocities, frame.poses, ids, frame.forces
+                yield frame.recorded._replace(ids=ids)
 
 
 def kept_frame(trajectory: Trajectory, number: int) -> OutputFrame:
@@ -91,7 +87,9 @@ def kept_frame(trajectory: Trajectory, number: int) -> OutputFrame:
         for name, rows in trajectory.forces.items()
         if np.isfinite(rows[number]).all()
     }
-    return positions, velocities, poses, ids, forces
+    liquids = None if trajectory.liquids is None else trajectory.liquids[ids]
+    bodies = {name: rows[number] for name, rows in trajectory.bodies.items()}
+    return OutputFrame(positions, velocities, poses, ids, forces, liquids, bodies)
 
 
 def described(scene: Scene) -> str:

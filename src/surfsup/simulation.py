@@ -13,6 +13,7 @@ import numpy as np
 import torch
 
 from surfsup.errors import InputError
+from surfsup.io.output_folder import OutputFrame
 from surfsup.io.trajectory import Provenance, TrajectoryWriter
 from surfsup.learned.loading import DEFAULT_SIMULATOR, load_simulator
 from surfsup.scene import FRAME_TIME, InitialParticles, Scene
@@ -37,7 +38,7 @@ from surfsup.sph.rigid.body import BodyState
 from surfsup.sph.scene_motion import SceneMotion, warn_jumps
 from surfsup.sph.simulator import FluidState, Simulator
 from surfsup.sph.start import start_of
-from surfsup.sph.state import ParticleState
+from surfsup.sph.state import MixtureState, ParticleState, mixture_state
 from surfsup.sph.thin_walls import ThinWallWarning, thin_wall_warning
 
 COUPLINGS = 5  # of rigid bodies and water in a frame
@@ -57,6 +58,9 @@ class Frame:
         ids: (N,) int64, ascending; a particle keeps its id. 0 to N - 1 where water neither enters nor leaves.
         forces: force and torque of the fluid on the solids that the scene names under ``forces``, mean over the time
             since the frame before. The first frame has none.
+        liquids: (N,) int32, in a scene of several liquids which of :attr:`surfsup.Scene.mixture` each particle is; None
+            in others.
+        bodies: velocities and accelerations of the rigid bodies, by name.
 
     Examples:
         >>> import surfsup as sf
@@ -72,10 +76,18 @@ class Frame:
     poses: Mapping[str, Pose] = field(default_factory=dict)
     ids: np.ndarray = field(default_factory=lambda: np.empty(0, np.int64))
     forces: Mapping[str, Wrench] = field(default_factory=dict)
+    liquids: np.ndarray | None = None
+    bodies: Mapping[str, BodyState] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         """The time and the number of particles, not all their numbers."""
         return f"<Frame at {self.time:g} s, {len(self.positions)} particles>"
+
+    @property
+    def recorded(self) -> OutputFrame:
+        """What a trajectory file has of it."""
+        motions = {name: body.motion for name, body in self.bodies.items()}
+        return OutputFrame(self.positions, self.velocities, self.poses, self.ids, self.forces, self.liquids, motions)
 
 
 @dataclass(frozen=True)
@@ -182,7 +194,7 @@ class Simulation:
         positions, velocities = (
             torch.from_numpy(values).to(self._device) for values in (start.positions, start.velocities)
         )
-        fluid = self._simulator.initial_state(positions, velocities, self._environment)
+        fluid = with_liquids(self._simulator.initial_state(positions, velocities, self._environment), start)
         self._bodies = RigidBodies(scene, self.motion.solids)
         self._crossings = CrossingCounter(handle_collisions)
         poses = self.motion.solids.poses(self._start_time)
@@ -204,7 +216,8 @@ class Simulation:
         """The particles now."""
         state = self._state
         fluid = state.fluid
-        return self._as_frame(self.time, fluid.positions, fluid.velocities, state.poses, ids_of(fluid), state.forces)
+        frame = self._as_frame(self.time, fluid.positions, fluid.velocities, state.poses, ids_of(fluid), state.forces)
+        return replace(frame, liquids=liquids_of(fluid), bodies=state.bodies)
 
     def reset(self, state: SimulationState | None = None) -> None:
         """Return to an earlier state of this simulation, or of one of the same scene; by default to the start.
@@ -229,7 +242,6 @@ class Simulation:
             state = replace(state, fluid=open_fluid(state))
         self._state = state
 
-    @torch.no_grad()
     def step(self) -> Frame:
         """Advance by a frame of the simulator and return the particles.
 
@@ -238,15 +250,20 @@ class Simulation:
         Raises:
             SimulationError: the simulation failed: particles are at infinity or collapsed into a clump.
         """
+        self._step()
+        return self.frame
+
+    @torch.no_grad()
+    def _step(self) -> None:
+        """As :meth:`step`, without copies of the particles."""
         if not self._free(self._state):
             self._state = self._advance(self._state, 1.0, self._state.frame + 1)
-            return self.frame
+            return
         state, forces = self._state, MeanForces()
         for part in range(1, COUPLINGS + 1):
             state = self._advance(state, 1 / COUPLINGS, self._state.frame + part / COUPLINGS)
             forces.add(part, state.forces)
         self._state = replace(state, frame=self._state.frame + 1, forces=forces.mean(0, COUPLINGS))
-        return self.frame
 
     def _free(self, state: SimulationState) -> dict[str, BodyState]:
         """The rigid bodies that move freely."""
@@ -325,8 +342,10 @@ class Simulation:
             viscosity: m²/s; None for what the solver needs for calm water.
 
         Raises:
-            InputError: it is negative or not finite, or the simulator knows no liquids.
+            InputError: it is negative or not finite, the scene has several liquids, or the simulator knows none.
         """
+        if self.scene.mixture:
+            raise InputError("viscosity: the scene has several liquids, whose viscosities stay")
         liquid = Liquid(**{**dict(self._liquid or Liquid()), "viscosity": viscosity})
         forces = LiquidForces.of(self._units.liquid_to_solver(liquid))
         environment = replace(self._environment, liquid=forces)
@@ -340,9 +359,12 @@ class Simulation:
         if the tap stays, and flows freely from now on if it does not.
 
         Raises:
-            InputError: a tap is in a solid or outside the container, or the simulator knows no taps.
+            InputError: a tap is in a solid or outside the container or has a liquid that the scene does not have, or
+                the simulator knows no taps.
         """
-        scene = self.scene.with_taps(taps)
+        if other := [tap for tap in taps if tap.liquid and self.scene.liquid_of(tap) not in self.scene.mixture]:
+            raise InputError(f"taps: a tap at {other[0].at} has a liquid that the scene does not have")
+        scene = self.scene.with_taps(taps).with_mixture(self.scene.mixture)
         check_taps_and_drains(scene, self.motion.solids, self._state.poses)
         passages = Passages.of(scene, self.motion.solids, self._start_time, self._units)
         changed = WithTaps.around(self._simulator, passages)
@@ -357,7 +379,8 @@ class Simulation:
         solids = self._units.solids_to_solver(scene_solids, self._start_time)
         solver_scene = self._units.scene_to_solver(self.scene)
         environment = Environment.of(solver_scene, solids.still, self._device, solids)
-        environment = replace(environment, liquid=LiquidForces.of(self._units.liquid_to_solver(self._liquid)))
+        if self._liquid is not self.scene.liquid:  # of set_viscosity
+            environment = replace(environment, liquid=LiquidForces.of(self._units.liquid_to_solver(self._liquid)))
         if self._gravity is not None:
             environment = replace(environment, gravity=self._gravity)
         self._simulator.check_knows(environment)
@@ -419,7 +442,7 @@ class Simulation:
         frames, count = self.run(seconds), self.most_ids(seconds)
         with TrajectoryWriter(Path(path), self.scene, Provenance(self.name), count, start_time=self.time) as writer:
             for frame in frames:
-                writer.append(frame.positions, frame.velocities, frame.poses, frame.ids, frame.forces)
+                writer.append(*frame.recorded)
 
     def _frames(self, first: int, steps: float, interval: float) -> Iterator[Frame]:
         before, means = self._state, MeanForces()
@@ -427,14 +450,14 @@ class Simulation:
             target = first + number * interval
             while self._state.frame < target - ROUNDING:
                 before = self._state
-                self.step()
+                self._step()
                 means.add(self._state.frame, self._state.forces)
             frame = self._between(before, target)
             yield (
                 frame if number == 0 else replace(frame, forces=self._requested(means.mean(target - interval, target)))
             )
         while self._state.frame < first + steps - ROUNDING:
-            self.step()
+            self._step()
 
     def _between(self, before: SimulationState, target: float) -> Frame:
         """The particles at ``target`` frames, from the present state or between ``before`` and it."""
@@ -455,7 +478,13 @@ class Simulation:
             result = resolve_collisions(old.positions, positions, velocities, environment)
             positions, velocities = result.positions, result.velocities
         time = self._start_time + target * self._units.frame_time
-        return self._as_frame(time, positions, velocities, poses, ids)
+        bodies = {
+            name: BodyState.of(poses[name], (1 - part) * before.bodies[name].motion + part * body.motion)
+            for name, body in self._state.bodies.items()
+            if name in before.bodies and name in poses
+        }
+        frame = self._as_frame(time, positions, velocities, poses, ids)
+        return replace(frame, liquids=liquids_of(new), bodies=bodies)
 
     def _motion_between(
         self, moving: MovingSolids, start: Mapping[str, Pose], end: Mapping[str, Pose], part: float = 1.0
@@ -481,6 +510,22 @@ class Simulation:
         """A frame with copies of the particles as NumPy arrays, in the units of the scene."""
         arrays = (values.detach().float().cpu().numpy().copy() for values in (positions, velocities))
         return Frame(time, *self._units.frame_from_solver(*arrays), poses, ids, self._requested(forces))
+
+
+def with_liquids(fluid: FluidState, start: InitialParticles) -> FluidState:
+    """A state of the particles of ``start`` that knows which liquid each is, in a scene of several."""
+    if start.liquids is None:
+        return fluid
+    if isinstance(fluid, OpenState):
+        return replace(fluid, fluid=mixture_state(fluid.fluid, start.liquids))
+    assert isinstance(fluid, ParticleState)
+    return mixture_state(fluid, start.liquids)
+
+
+def liquids_of(fluid: FluidState) -> np.ndarray | None:
+    """The numbers (N,) of the liquids of the particles of a state; None in a scene of one liquid."""
+    particles = fluid.fluid if isinstance(fluid, OpenState) else fluid
+    return particles.liquids.numpy() if isinstance(particles, MixtureState) else None
 
 
 def open_fluid(state: SimulationState) -> OpenState:

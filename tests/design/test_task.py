@@ -150,3 +150,13 @@ def test_several_starts_get_a_folder_each(tmp_path):
 
 def test_a_single_start_uses_the_folder_itself(tmp_path):
     assert [folder for folder, _ in tasks_from_options("funnel", tmp_path, ["0.1,0.08"], 20)] == [tmp_path]
+
+
+def test_the_reward_is_the_same_with_and_without_gradients(simulator):
+    # Water that strikes the edge of a bowl, where a volume map and a plane solid differ by more than a gain.
+    task, rewards = bowl(), []
+    for with_gradient in (True, False):
+        values = {name: torch.tensor(value, requires_grad=with_gradient) for name, value in (("r1", 0.2), ("r2", 0.05))}
+        with torch.set_grad_enabled(with_gradient):
+            rewards.append(task.score(task.simulate(simulator, values, task.initial_state())).item())
+    assert rewards[0] == pytest.approx(rewards[1], abs=1e-6)

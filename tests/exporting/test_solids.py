@@ -8,10 +8,14 @@ import numpy as np
 import pytest
 import pyvista
 
+import surfsup as sf
 from surfsup.exporting.export import export
 from surfsup.io.trajectory import POSES, Provenance, TrajectoryWriter
 from surfsup.native.dispatch import is_built
 from surfsup.scene import Scene
+from surfsup.scene.assembly import gltf_parts
+from surfsup.scene.gltf_motion import GltfMotion
+from surfsup.scene.pose import Pose
 from surfsup.simulation import Simulation
 from surfsup.viewing.trajectory_page import write_trajectory_page
 
@@ -86,3 +90,18 @@ def test_without_poses_in_the_file_solids_move_as_the_scene_says(spin, tmp_path)
     np.testing.assert_allclose(*last, atol=1e-6)
     write_trajectory_page(tmp_path / "t.h5", tmp_path / "t.html", lambda done, total: None)
     assert (tmp_path / "t.html").is_file()
+
+
+def test_glb_has_moving_solids_as_nodes_with_keyframes(spin, tmp_path):
+    done = export(spin, "glb", tmp_path, fps=16, what="solid")
+    assert done.files == (tmp_path / "solid.glb",) and [file.name for file in tmp_path.iterdir()] == ["solid.glb"]
+    paddle = GltfMotion(tmp_path / "solid.glb", "paddle")
+    np.testing.assert_allclose(paddle.times, np.arange(5) / 16, atol=1e-6)
+    with sf.Trajectory(spin) as trajectory:
+        for key, frame in ((0, 0), (0.25, 50)):
+            pose = Pose.from_array(trajectory.poses["paddle"][frame])
+            np.testing.assert_allclose(paddle.pose(key).position, pose.position, atol=1e-6)
+            assert abs(paddle.pose(key).rotation @ pose.rotation) > 1 - 1e-6
+    parts = dict(gltf_parts(tmp_path / "solid.glb", None)[0])
+    np.testing.assert_allclose(parts["paddle"].bounds, [[-0.2, -0.03, 0.05], [0.2, 0.03, 0.15]], atol=0.002)
+    np.testing.assert_allclose(parts["still"].bounds, [[0.25, 0.25, 0], [0.45, 0.45, 0.2]], atol=0.002)

@@ -126,7 +126,7 @@ def test_a_missing_file_of_poses_is_refused(tmp_path):
     [
         ("{keyframes: [{time: 1}, {time: 0.5}]}", "keyframe 1 at 0.5 s is not after the one before at 1 s"),
         ("{keyframes: []}", "at least 1 item"),
-        ("{}", "exactly one of keyframes, spin and file, found none"),
+        ("{}", "exactly one of keyframes, spin, file and gltf, found none"),
         ("{spin: {rate: 1}, file: a.csv}", "found spin and file"),
         ("{spin: {axis: [0, 0, 0], rate: 1}}", "axis must not be zero"),
         ("{spin: {}}", "either rate in rad/s or turns"),

@@ -62,11 +62,6 @@ def test_a_scene_keeps_its_rigid_bodies():
     assert original.moves and not scene(BOAT % "scale: 1").moves
 
 
-def test_a_scene_with_a_rigid_body_is_not_continued():
-    with pytest.raises(InputError, match="restart: 'boat' is a rigid body, whose velocity no trajectory has"):
-        scene("restart: a.h5\n" + BOAT % "rigid_body: {}")
-
-
 @pytest.mark.parametrize(
     ("keys", "message"),
     [

@@ -270,7 +270,7 @@ def step_arguments(count: int = 10) -> dict[str, object]:
         | {
             "moving": None,
             "impulses": None,
-            "liquid": None,
+            "liquids": None,
             "isa": native.instruction_sets()[0],
             "threads": 1,
             "max_pairs": 1000,

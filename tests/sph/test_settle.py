@@ -35,6 +35,16 @@ def test_settled_water_begins_at_rest_and_stays_so():
     assert max(energies[0]) < 2 * settle.MAX_ENERGY < max(energies[1])
 
 
+@pytest.mark.skipif(not is_built(), reason="liquids run in the C++ code")
+@pytest.mark.parametrize("liquid", ["water", "honey"])
+def test_any_liquid_settles_as_soon_as_the_solvers_own_water(liquid):
+    cups = [scene_of(Fill(below=0.19, settle=True), **values) for values in ({}, {"liquid": liquid})]
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", NotSettledWarning)
+        own, other = (Simulation(cup, device="cpu").particles for cup in cups)
+    np.testing.assert_array_equal(own.positions, other.positions)
+
+
 def test_other_water_waits_until_the_cup_is_at_rest():
     drop = Block((-0.06, -0.06, 0.4), (0.06, 0.06, 0.52), velocity=(0, 0, -1))
     scene = scene_of(Fill(below=0.19, settle=True, velocity=(0.1, 0, 0)), drop)

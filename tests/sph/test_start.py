@@ -83,7 +83,7 @@ def test_particles_of_a_file_keep_their_places(tmp_path):
     np.testing.assert_array_equal(Simulation(from_file, device="cpu").particles.positions, positions)
 
 
-def test_particles_that_have_no_place_are_told_of():
+def test_particles_that_have_no_place_are_counted_in_a_warning():
     block = "fluid: [{block: {min: [-0.2, -0.2, 0.3], max: [0.2, 0.2, 0.6]}}]"
     ball = f"surface: {{sphere: {{radius: 0.1}}, at: [0, 0, 0.3]}}\n{block}"
     with pytest.warns(OmittedParticlesWarning, match=r"fluid: (\d+) particles that overlap the solid") as warned:

@@ -27,3 +27,20 @@ def test_no_particle_passes_the_wall_of_a_cup_that_is_carried_about(wall):
         own = frame.poses["cup"].to_own(frame.positions)
         assert np.hypot(own[:, 0], own[:, 1]).max() < 0.15 and own[:, 2].min() > wall
         assert own[:, 2].max() < 0.6
+
+
+@pytest.mark.parametrize("beyond", [0.0, 0.01])
+def test_water_falls_into_a_cup_whose_cut_ends_at_its_mouth_or_just_above(beyond):
+    scene = Scene.from_yaml(
+        "surface:\n  difference:\n"
+        "    - {cylinder: {radius: 0.13, height: 0.2}, at: [0, 0, 0.1]}\n"
+        f"    - {{cylinder: {{radius: 0.1, height: {0.17 + beyond}}}, at: [0, 0, {0.115 + beyond / 2}]}}\n"
+        "fluid: [{block: {min: [-0.06, -0.06, 0.3], max: [0.06, 0.06, 0.42]}}]",
+        "test",
+    )
+    simulation = sf.Simulation(scene, device="cpu")
+    for _ in range(100):
+        frame = simulation.step()
+    x, y, z = frame.positions.T  # a few splash above the mouth
+    assert ((np.hypot(x, y) < 0.1) & (z < 0.2)).sum() > 20
+    assert len(x) == 27 and (z > 0.03).all()

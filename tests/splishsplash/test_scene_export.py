@@ -1,3 +1,4 @@
+import json
 import subprocess
 import sys
 
@@ -54,6 +55,18 @@ def test_there_and_back_is_the_same_scene(tmp_path):
     np.testing.assert_allclose(np.unique(theirs.positions, axis=0), np.unique(ours.positions, axis=0), atol=1e-6)
 
 
+def test_a_liquid_goes_there_and_back(tmp_path):
+    liquid = "{viscosity: 0.1, surface_tension: 5, adhesion: 2, friction: 0.5, density: 900}"
+    text = f"particle_radius: 0.02\nliquid: {liquid}\n" + TEXT.replace("particle_radius: 0.02\n", "")
+    scene = Scene.from_yaml(text, "a")
+    exported = export_scene(scene, tmp_path / "scene.json")
+    assert exported.missing == []
+    exported.write()
+    back = Scene.from_yaml(import_scene(tmp_path / "scene.json", tmp_path / "b.yaml").text, "b", tmp_path)
+    found, expected = (each.liquid.model_dump(exclude_none=True) for each in (back, scene))
+    assert found == pytest.approx(expected, rel=1e-5)
+
+
 def test_motions_are_named_as_missing(tmp_path):
     moving = "container: {motion: {spin: {axis: [0, 0, 1], turns: 1}}}\n" + TEXT.split("frames: 3\n")[1]
     assert "motions" in export_scene(Scene.from_yaml(moving, "a"), tmp_path / "a.json").missing[0]
@@ -63,4 +76,4 @@ def test_an_open_container_has_no_walls(tmp_path):
     from surfsup import Container
 
     scene = Scene(container=Container(open=True), fluid=[Block((-0.1, -0.1, 0.5), (0.1, 0.1, 0.7))])
-    assert export_scene(scene, tmp_path / "a.json").content["RigidBodies"] == []
+    assert json.loads(export_scene(scene, tmp_path / "a.json").text)["RigidBodies"] == []

@@ -131,6 +131,18 @@ def test_the_viscosity_of_water_needs_no_liquid(converted, viscosity):
     assert missing == [] and scene.liquid is None and scene.density == 900
 
 
+@pytest.mark.parametrize("density", [1000, 900])
+def test_the_surface_tension_of_akinci_is_that_of_a_liquid(converted, density):
+    coefficients = {"surfaceTension": 0.5, "surfaceTensionBoundary": 0.2}
+    material = {"id": "Fluid", "density0": density, "surfaceTensionMethod": 2, "Akinci et al. 2013": coefficients}
+    scene, missing = converted(Materials=[material])
+    assert missing == [] and scene.liquid.viscosity is None
+    ours = LiquidForces.of(scene.units.liquid_to_solver(scene.liquid))
+    # Their force is that of a coefficient times the density, ours is in a liquid of 1,000 kg/m³.
+    assert ours.surface_tension == pytest.approx(0.5 * density / 1000)
+    assert ours.adhesion == pytest.approx(0.2 * density / 1000)
+
+
 def test_emitters_become_taps(converted):
     emitter = {
         "width": 8, "height": 3, "translation": [-1.2, 0.75, 0.5], "velocity": 2, "rotationAxis": [0, 1, 0],
@@ -151,7 +163,7 @@ def test_emitters_become_taps(converted):
         ({"AnimationFields": [{}]}, "1 animation fields"),
         ({"Configuration": {**SCENE["Configuration"], "sim2D": True}}, "two dimensions"),
         ({"Configuration": {**SCENE["Configuration"], "scriptFile": "a.py"}}, "the script a.py"),
-        ({"Materials": [{"surfaceTensionMethod": 2}]}, "surface tension"),
+        ({"Materials": [{"surfaceTensionMethod": 5}]}, "surface tension of another method than Akinci et al. 2013"),
         ({"Materials": [{"Peer et al. 2015": {"viscosity": 0.05}}]}, "viscosities of 0.05 (Peer et al. 2015)"),
         ({"Materials": [{"density0": 1000}, {"density0": 500}]}, "liquids of different densities"),
         (

@@ -11,8 +11,7 @@ from surfsup.cli.options import UpAxis, positive_length
 from surfsup.errors import InputError
 
 if TYPE_CHECKING:
-    from surfsup.splishsplash.scene_export import ExportedScene
-    from surfsup.splishsplash.scene_import import ImportedScene
+    from surfsup.splishsplash.converted_scene import ConvertedScene
 
 NAMED = 5  # missing things that the message lists
 
@@ -49,7 +48,7 @@ def convert(
         typer.echo(f"solids {', '.join(parts)}")
         typer.echo(f"scene  {out}")
         return
-    converted: ImportedScene | ExportedScene
+    converted: ConvertedScene
     if kinds[0] == ".json" and kinds[1] in yaml:
         converted, other = import_scene(scene, out), "surfsup"
     elif kinds[0] in yaml and kinds[1] == ".json":

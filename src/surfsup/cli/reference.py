@@ -4,16 +4,13 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from surfsup.cli.output_options import OutputOptions
 from surfsup.cli.progress import progress_bar
 from surfsup.cli.scene_options import SceneOptions
-
-if TYPE_CHECKING:
-    from surfsup.io.output_folder import OutputFrame
 
 
 def reference(
@@ -27,6 +24,7 @@ def reference(
 
     Example: surfsup reference bunny.obj -o out/bunny-reference
     """
+    from surfsup.io.output_folder import OutputFrame
     from surfsup.io.trajectory import Provenance
     from surfsup.scene.solids import build_solids
     from surfsup.scene.start import entering_particles
@@ -46,8 +44,9 @@ def reference(
         particles = Simulation(scene, device="cpu").particles  # as ours begins
     most = len(particles.positions) + entering_particles(scene)
     folder = output.create_folder(scene_options.source, most, scene.frames)
+    liquids = particles.liquids
     frames: Iterator[OutputFrame] = (
-        (*with_ids(scene, *frame, solids.poses(start_time + number * scene.frame_time)), {})
+        OutputFrame(*with_ids(scene, *frame, solids.poses(start_time + number * scene.frame_time)), liquids=liquids)
         for number, frame in enumerate(solver.simulate(scene, solids.still, particles, threads))
     )
     with progress_bar("simulating with SPlisHSPlasH") as bar:

@@ -59,8 +59,7 @@ def simulate(
         with scene_options.named():
             simulation = simulation_of(scene)
         most_ids = simulation.most_ids()
-        run = simulation.run()
-        frames = ((frame.positions, frame.velocities, frame.poses, frame.ids, frame.forces) for frame in run)
+        frames = (frame.recorded for frame in simulation.run())
     folder = output.create_folder(scene_options.source, most_ids, scene.frames)
     with progress_bar(f"simulating with {name}") as bar:
         solids, crossings = simulation.motion.solids, lambda: simulation.state.crossings

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import torch
 
@@ -71,6 +71,16 @@ class Task:
             )
         return surface
 
+    def environment(self, values: Values, start: ParticleState) -> Environment:
+        """What acts on the fluid with these values: the solid through distance and normal, as gradients need it.
+
+        Without a volume map, also where no gradient is needed, since rewards of both kinds are compared.
+
+        Raises:
+            InputError: the surface intersects the fluid at the start or the container.
+        """
+        return replace(Environment.of(self.scene, self.surface(values, start)), boundary_map=None)
+
     def simulate(self, simulator: Simulator[ParticleState], values: Values, start: ParticleState) -> Outcome:
         """The end of the rollout with these values, differentiable with respect to those that require gradients.
 
@@ -78,8 +88,7 @@ class Task:
             InputError: the surface intersects the fluid at the start or the container.
             SimulationError: the simulation diverged.
         """
-        environment = Environment.of(self.scene, self.surface(values, start))
-        end = last_frame(simulator, environment, start, self.scene.frames - 1, self.floor)
+        end = last_frame(simulator, self.environment(values, start), start, self.scene.frames - 1, self.floor)
         return Outcome(end.positions, end.landed, values)
 
     def score(self, outcome: Outcome) -> torch.Tensor:

@@ -21,7 +21,6 @@ from surfsup.design.task import Task
 from surfsup.io.trajectory import Provenance, TrajectoryWriter
 from surfsup.scene import Scene, Shape
 from surfsup.scene.shapes import MeshShape
-from surfsup.sph.environment import Environment
 from surfsup.sph.simulator import Simulator
 from surfsup.sph.state import ParticleState
 from surfsup.splishsplash import solver as reference_solver
@@ -162,8 +161,7 @@ def final_positions(frames: Iterable[np.ndarray], floor: float | None) -> tuple[
 def simulated_frames(task: Task, values: Values, simulator: Simulator[ParticleState]) -> Frames:
     """Positions and velocities (N, 3) of each frame by our simulator; landed particles stay where they landed."""
     start = task.initial_state()
-    environment = Environment.of(task.scene, task.surface(values, start))
-    for particles in all_frames(simulator, environment, start, task.scene.frames - 1, task.floor):
+    for particles in all_frames(simulator, task.environment(values, start), start, task.scene.frames - 1, task.floor):
         at_rest = torch.zeros_like(particles.positions)
         velocities = at_rest.index_copy(0, particles.active, particles.state.velocities)
         yield particles.positions.numpy(), velocities.numpy()

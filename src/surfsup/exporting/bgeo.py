@@ -18,12 +18,17 @@ END = b"\x00\xff"
 
 
 def particles(frame: ParticleFrame) -> bytes:
-    """Points ``P`` with ``v`` in m/s, ``id``, and ``pscale``, the radius in meters."""
-    points = np.empty(len(frame.positions), [("P", ">f4", 4), ("v", ">f4", 3), ("id", ">i4"), ("pscale", ">f4")])
+    """Points ``P`` with ``v`` in m/s, ``id``, and ``pscale``, the radius in meters; of several liquids ``liquid``."""
+    several = [] if frame.liquids is None else [("liquid", ">i4")]
+    fields = [("P", ">f4", 4), ("v", ">f4", 3), ("id", ">i4"), ("pscale", ">f4"), *several]
+    points = np.empty(len(frame.positions), fields)
     points["P"][:, :3], points["P"][:, 3] = frame.positions, 1.0  # homogeneous coordinates
     points["v"], points["id"], points["pscale"] = frame.velocities, frame.ids, frame.radius
     attributes = attribute("v", 3, VECTOR) + attribute("id", 1, INTEGER) + attribute("pscale", 1, FLOAT)
-    return header(len(points), attributes=3) + attributes + points.tobytes() + END
+    if frame.liquids is not None:
+        points["liquid"] = frame.liquids
+        attributes += attribute("liquid", 1, INTEGER)
+    return header(len(points), attributes=3 + len(several)) + attributes + points.tobytes() + END
 
 
 def header(points: int, attributes: int) -> bytes:

@@ -13,6 +13,7 @@ import torch
 from surfsup.errors import InputError
 from surfsup.exporting.formats import Format, What, Writer, check_export
 from surfsup.exporting.frames import Interpolation, frame_count, resample
+from surfsup.exporting.keyframes import KeyframeWriter
 from surfsup.exporting.mesh_frame import water_surface
 from surfsup.exporting.sequence import SequenceWriter
 from surfsup.exporting.solids import SolidMeshes, pose_at
@@ -105,6 +106,8 @@ def open_writer(
     Raises:
         InputError: there is an older export, and ``overwrite`` is false.
     """
+    if form.has_keyframes:
+        return KeyframeWriter(folder, form, overwrite, contents)
     if form.suffix:
         return SequenceWriter(folder, form, overwrite, contents)
     return form.load("open_writer")(folder, fps, up, overwrite)
@@ -133,7 +136,7 @@ def write(
             if "particles" in contents:
                 writer.particles(with_up_axis(frame, up))
             if solids and solids.move:
-                writer.moving_solid(with_up_axis(solids.at(frame.time), up))
+                writer.moving_solids(solids, frame.time, up)
             if "surface" in contents:
                 writer.surface(with_up_axis(water_surface(frame, reconstruction), up))
             done += 1

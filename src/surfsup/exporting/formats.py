@@ -16,6 +16,7 @@ from surfsup.exporting.up_axis import UpAxis
 if TYPE_CHECKING:
     from surfsup.exporting.frames import ParticleFrame
     from surfsup.exporting.mesh_frame import MeshFrame
+    from surfsup.exporting.solids import SolidMeshes
 
 Water = Literal["particles", "surface"]
 What = Literal["particles", "surface", "solid", "all"]
@@ -33,8 +34,8 @@ class Writer(Protocol):
     def solid(self, frame: MeshFrame) -> None:
         """Write the solid, once, if it stands still."""
 
-    def moving_solid(self, frame: MeshFrame) -> None:
-        """Write the solid of the next frame, if it moves."""
+    def moving_solids(self, solids: SolidMeshes, time: float, up: UpAxis) -> None:
+        """Write the solids of the next frame, at a time in seconds, if they move."""
 
     def finish(self) -> list[Path]:
         """Complete the export and return the files to open."""
@@ -54,6 +55,7 @@ class Format:
         water: what it holds of the water. A format that holds surfaces holds the solid too.
         program: what opens it.
         suffix: of the file of a frame; empty for a format with one file for all frames.
+        has_keyframes: whether solids that move are nodes with keys in one file, made by ``animated`` of the module.
         collection: suffix of the file that lists the others by time, made by ``collection`` of the module.
         up: its upward axis, unless another is requested.
         up_is_fixed: whether the format itself requires that axis.
@@ -68,6 +70,7 @@ class Format:
     program: str
     suffix: str = ""
     collection: str = ""
+    has_keyframes: bool = False
     up: UpAxis = "z"
     up_is_fixed: bool = False
     frames_up: UpAxis | None = None
@@ -143,7 +146,7 @@ FORMATS = {
             by_blender=True,
         ),
         Format("obj", "obj", ("surface",), "nearly every 3D program", ".obj"),
-        Format("glb", "glb", ("surface",), "web pages, Blender", ".glb", up="y", up_is_fixed=True),
+        Format("glb", "glb", ("surface",), "web pages, Blender", ".glb", has_keyframes=True, up="y", up_is_fixed=True),
     )
 }
 

@@ -26,6 +26,7 @@ class ParticleFrame:
         velocities: (N, 3) float32, m/s.
         ids: (N,) int32, ascending; a particle keeps its id over all frames.
         radius: of a particle, meters.
+        liquids: (N,) int32, number of each particle's liquid; None in a scene of one.
     """
 
     time: float
@@ -33,6 +34,7 @@ class ParticleFrame:
     velocities: np.ndarray
     ids: np.ndarray
     radius: float
+    liquids: np.ndarray | None = None
 
 
 Between = Callable[[ParticleFrame, ParticleFrame, float], ParticleFrame]  # the last value is the time
@@ -84,7 +86,8 @@ def selected(frame: ParticleFrame, rows: np.ndarray) -> ParticleFrame:
     """The frame with the particles of ``rows`` alone."""
     parts = (frame.positions, frame.velocities, frame.ids)
     positions, velocities, ids = (values[rows] for values in parts)
-    return replace(frame, positions=positions, velocities=velocities, ids=ids)
+    liquids = None if frame.liquids is None else frame.liquids[rows]
+    return replace(frame, positions=positions, velocities=velocities, ids=ids, liquids=liquids)
 
 
 @dataclass(frozen=True)

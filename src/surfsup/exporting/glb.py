@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import trimesh
 
+from surfsup.exporting.animated_glb import animated
 from surfsup.exporting.mesh_frame import MeshFrame
+
+__all__ = ["animated", "mesh"]
 
 
 def mesh(frame: MeshFrame) -> bytes:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+from typing import Any
 
 import numpy as np
 
@@ -10,8 +11,9 @@ from surfsup.exporting.frames import ParticleFrame
 
 
 def particles(frame: ParticleFrame) -> bytes:
-    """An archive with ``positions``, ``velocities``, ``ids``, ``radius`` and ``time``."""
+    """An archive with ``positions``, ``velocities``, ``ids``, ``radius``, ``time``; of several liquids ``liquids``."""
     file = io.BytesIO()
+    several: dict[str, Any] = {} if frame.liquids is None else {"liquids": frame.liquids}
     np.savez(
         file,
         positions=frame.positions,
@@ -19,5 +21,6 @@ def particles(frame: ParticleFrame) -> bytes:
         ids=frame.ids,
         radius=np.float32(frame.radius),
         time=np.float64(frame.time),
+        **several,
     )
     return file.getvalue()

@@ -11,9 +11,10 @@ TYPES = {"<f4": "float", "<i4": "int"}
 
 
 def particles(frame: ParticleFrame) -> bytes:
-    """Positions x, y, z, velocities vx, vy, vz, id and radius of the particles."""
+    """Positions x, y, z, velocities vx, vy, vz, id and radius of the particles; liquid where there are several."""
     radius = np.full(len(frame.positions), frame.radius)
-    vertex = table({"x y z": frame.positions, "vx vy vz": frame.velocities, "id": frame.ids, "radius": radius})
+    columns = {"x y z": frame.positions, "vx vy vz": frame.velocities, "id": frame.ids, "radius": radius}
+    vertex = table(columns if frame.liquids is None else {**columns, "liquid": frame.liquids})
     return header(frame.time, vertex) + vertex.tobytes()
 
 

@@ -10,6 +10,8 @@ from surfsup.errors import InputError
 from surfsup.exporting.formats import Format
 from surfsup.exporting.frames import ParticleFrame
 from surfsup.exporting.mesh_frame import MeshFrame
+from surfsup.exporting.solids import SolidMeshes
+from surfsup.exporting.up_axis import UpAxis, with_up_axis
 from surfsup.io.atomic_file import atomic_file
 
 NUMBER = r"\.\d{4,}"
@@ -55,9 +57,9 @@ class SequenceWriter:
         write_file(path, self._format.load("mesh")(frame))
         self._to_open.append(path)
 
-    def moving_solid(self, frame: MeshFrame) -> None:
-        """Write the solid of the next frame."""
-        self._next("solid", self._format.load("mesh"), frame)
+    def moving_solids(self, solids: SolidMeshes, time: float, up: UpAxis) -> None:
+        """Write the solids of the next frame."""
+        self._next("solid", self._format.load("mesh"), with_up_axis(solids.at(time), up))
 
     def finish(self) -> list[Path]:
         """List the files by their times, if the format has such lists; return the files to open."""

@@ -46,4 +46,5 @@ class FrameSource:
                 velocity,
                 ids.astype(np.int32),
                 trajectory.radius,
+                None if trajectory.liquids is None else trajectory.liquids[ids],
             )

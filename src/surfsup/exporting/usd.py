@@ -9,13 +9,14 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from pxr import Gf, Tf, Usd, UsdGeom, Vt
+from pxr import Gf, Sdf, Tf, Usd, UsdGeom, Vt
 
 from surfsup.errors import InputError
 from surfsup.exporting.frames import ParticleFrame
 from surfsup.exporting.mesh_frame import MeshFrame
 from surfsup.exporting.sequence import check_overwrite
-from surfsup.exporting.up_axis import UpAxis
+from surfsup.exporting.solids import SolidMeshes
+from surfsup.exporting.up_axis import UpAxis, with_up_axis
 
 FRAMES_PER_SAVE = 8  # unsaved frames are in memory
 WATER_COLOR, SOLID_COLOR = (0.25, 0.5, 0.8), (0.6, 0.6, 0.6)
@@ -60,7 +61,9 @@ class UsdWriter:
         self._frames = {"Particles": 0, "Surface": 0, "Solid": 0}
 
     def particles(self, frame: ParticleFrame) -> None:
-        """Write the particles of the next frame, with the attributes ``widths``, ``ids`` and ``velocities``."""
+        """Write the particles of the next frame, with the attributes ``widths``, ``ids`` and ``velocities``.
+
+        Particles of several liquids have the primvar ``liquid``, their number."""
         code, points = self._next("Particles"), UsdGeom.Points.Define(self._stage, "/Water/Particles")
         positions = vectors(frame.positions)
         widths = Vt.FloatArray(len(positions), 2 * frame.radius)
@@ -70,6 +73,10 @@ class UsdWriter:
         points.CreateWidthsAttr().Set(widths, code)
         points.CreateExtentAttr().Set(UsdGeom.Points.ComputeExtent(positions, widths), code)
         color(points, WATER_COLOR)
+        if frame.liquids is not None:
+            kind, varying = Sdf.ValueTypeNames.IntArray, UsdGeom.Tokens.varying
+            numbers = UsdGeom.PrimvarsAPI(points).CreatePrimvar("liquid", kind, varying)
+            numbers.Set(Vt.IntArray.FromNumpy(frame.liquids.astype(np.int32)), code)
         self._save(code)
 
     def surface(self, frame: MeshFrame) -> None:
@@ -83,9 +90,9 @@ class UsdWriter:
         """Write the solid, which does not move."""
         self._mesh("/Water/Solid", frame, Usd.TimeCode.Default(), SOLID_COLOR)
 
-    def moving_solid(self, frame: MeshFrame) -> None:
-        """Write the solid of the next frame."""
-        code = self._next("Solid")
+    def moving_solids(self, solids: SolidMeshes, time: float, up: UpAxis) -> None:
+        """Write the solids of the next frame."""
+        code, frame = self._next("Solid"), with_up_axis(solids.at(time), up)
         mesh = self._mesh("/Water/Solid", frame, code, SOLID_COLOR)
         mesh.CreateVelocitiesAttr().Set(vectors(frame.velocities), code)
         self._save(code)

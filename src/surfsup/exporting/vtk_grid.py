@@ -11,13 +11,15 @@ from surfsup.exporting.mesh_frame import MeshFrame
 
 
 def particle_grid(frame: ParticleFrame) -> pyvista.UnstructuredGrid:
-    """One vertex cell for each particle, with ``velocity``, ``id`` and ``radius``."""
+    """One vertex cell for each particle, with ``velocity``, ``id``, ``radius``, and of several liquids ``liquid``."""
     count = len(frame.positions)
     cells = np.column_stack([np.ones(count, np.int64), np.arange(count)]).ravel()
     grid = pyvista.UnstructuredGrid(cells, np.full(count, pyvista.CellType.VERTEX, np.uint8), frame.positions)
     add_point_data(grid, "velocity", frame.velocities)
     add_point_data(grid, "id", frame.ids)
     add_point_data(grid, "radius", np.full(count, frame.radius, np.float32))
+    if frame.liquids is not None:
+        add_point_data(grid, "liquid", frame.liquids)
     return grid
 
 

@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterable, Mapping
 from contextlib import nullcontext, suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import torch
@@ -25,9 +26,28 @@ from surfsup.scene.wrench import Wrench
 from surfsup.sdf.native_query import distance_native
 
 BYTES_PER_VALUE = 4
-# Positions and velocities (N, 3), the poses of what moves, ids (N,) of the particles, or None where no water enters or
-# leaves, and the forces on solids.
-OutputFrame = tuple[np.ndarray, np.ndarray, Mapping[str, Pose], np.ndarray | None, Mapping[str, Wrench]]
+
+
+class OutputFrame(NamedTuple):
+    """A frame of a simulator, as :meth:`TrajectoryWriter.append` takes it.
+
+    Attributes:
+        positions: (N, 3), meters.
+        velocities: (N, 3), m/s.
+        poses: of what moves, by name.
+        ids: (N,) of the particles; None where no water enters or leaves.
+        forces: on solids, by name.
+        liquids: (N,), number of the liquid of each particle; None in a scene of one.
+        bodies: velocities and accelerations (12,) of rigid bodies, by name.
+    """
+
+    positions: np.ndarray
+    velocities: np.ndarray
+    poses: Mapping[str, Pose]
+    ids: np.ndarray | None = None
+    forces: Mapping[str, Wrench] | None = None
+    liquids: np.ndarray | None = None
+    bodies: Mapping[str, np.ndarray] | None = None
 
 
 @dataclass(frozen=True)

@@ -27,7 +27,9 @@ from surfsup.checked.tensors import finite_number
 from surfsup.errors import InputError
 from surfsup.io.reserved_space import ReservedSpace
 from surfsup.scene import Scene
+from surfsup.scene.particle_file import LIQUIDS, read_liquids
 from surfsup.scene.pose import Pose
+from surfsup.scene.restarted_bodies import BODIES
 from surfsup.scene.wrench import Wrench
 
 GROUP = "00000"
@@ -80,6 +82,8 @@ class TrajectoryFrames:
         velocities: (frames, particles, 3) float32 in m/s, at the end of each frame.
         lifetimes: (particles, 2) int64, the first frame of each particle and the one after its last; None where all
             particles are in all frames.
+        liquids: (particles,) int32, which of the scene's :attr:`~surfsup.Scene.mixture` each particle is; None in a
+            scene of one liquid.
     """
 
     def __init__(self, path: str | Path) -> None:
@@ -121,6 +125,7 @@ class TrajectoryFrames:
             self.lifetimes = lifetimes[:]
         if self.lifetimes is not None and self.lifetimes.shape != (self.positions.shape[1], 2):
             raise ValueError(f"{self.positions.shape} positions, {self.lifetimes.shape} lifetimes")
+        self.liquids = read_liquids(self._file, self.positions.shape[1])[0] if LIQUIDS in self._file else None
 
     def _frames_of(self, name: str) -> h5py.Dataset:
         data = stored_dataset(self._file, f"{GROUP}/{name}")
@@ -182,6 +187,8 @@ class Trajectory(TrajectoryFrames):
         torques: (frames, 3) float64 in N m, likewise, about the origin of the solid.
         poses: (frames, 7) float64 by name, of every solid that moves, and of a container that moves: position x, y, z
             in meters and rotation, a unit quaternion w, x, y, z. Empty in a file without any.
+        bodies: (frames, 12) float64 by name, of every rigid body: velocity of its center of mass, angular velocity,
+            acceleration and angular acceleration by the fluid, in SI units.
 
     Examples:
         >>> import surfsup as sf
@@ -202,6 +209,7 @@ class Trajectory(TrajectoryFrames):
         self.provenance = Provenance(str(attributes["model"]), int(attributes["seed"]), str(attributes["version"]))
         self.poses = self._rows_by_name(POSES, 7)
         self.forces, self.torques = (self._rows_by_name(group, 3) for group in WRENCHES)
+        self.bodies = self._rows_by_name(BODIES, 12)
 
     def _rows_by_name(self, group: str, width: int) -> dict[str, np.ndarray]:
         """The rows (frames, width) of each solid in a group."""
@@ -279,6 +287,8 @@ class TrajectoryWriter:
         # The first frame of each particle and the one after its last. All zero for those that have not yet come.
         self._lifetimes = np.zeros((particles, 2), np.int64)
         self._forces: list[Mapping[str, Wrench]] = []
+        self._liquids = np.zeros(particles, np.uint8)
+        self._bodies: list[Mapping[str, np.ndarray]] = []
         # Frames that are not yet written, and memory to shuffle a chunk in. Reused memory stays in the cache.
         self._buffer = np.empty((2, FRAMES_PER_FLUSH, particles, 3), dtype=np.float32)
         self._shuffled = np.empty((4, FRAMES_PER_CHUNK * particles * 3), dtype=np.uint8)
@@ -315,6 +325,9 @@ class TrajectoryWriter:
             )
             for name in ("position", "velocity")
         ]
+        if scene.mixture:
+            group["liquid"] = np.zeros(particles, np.uint8)
+            group["liquid"].attrs["density"] = [liquid.density for liquid in scene.mixture]
         group["particle_type"] = np.full(particles, FLUID_TYPE, dtype=np.int64)
         self._file.flush()
         return sets
@@ -350,6 +363,8 @@ class TrajectoryWriter:
         poses: Mapping[str, Pose] | None = None,
         ids: np.ndarray | None = None,
         forces: Mapping[str, Wrench] | None = None,
+        liquids: np.ndarray | None = None,
+        bodies: Mapping[str, np.ndarray] | None = None,
     ) -> None:
         """Append a copy of one frame.
 
@@ -359,6 +374,8 @@ class TrajectoryWriter:
             poses: by name of all that moves.
             ids: (N,) of the particles that are in the scene, below the number of particles; by default all are.
             forces: of the fluid on solids, by name.
+            liquids: (N,), in a scene of several liquids the number of each particle's.
+            bodies: velocities and accelerations (12,) of rigid bodies, by name.
 
         Raises:
             InputError: the disk is full.
@@ -381,11 +398,14 @@ class TrajectoryWriter:
         here[:, 1] = self.frames + 1
         if some:
             self._lifetimes[ids] = here
+        if liquids is not None:
+            self._liquids[ids if some else slice(None)] = liquids
         frame[1] /= VELOCITY_STEP
         np.round(frame[1], out=frame[1])
         frame[1] *= VELOCITY_STEP
         self._poses[self._buffered :] = [poses or {}]
         self._forces[self._buffered :] = [forces or {}]
+        self._bodies[self._buffered :] = [bodies or {}]
         self._buffered += 1
         if self._buffered == FRAMES_PER_FLUSH:
             self.flush()
@@ -409,6 +429,9 @@ class TrajectoryWriter:
             self._write_poses()
             self._write_lifetimes()
             self._write_forces()
+            self._write_bodies()
+            if LIQUIDS in self._file:
+                self._file[LIQUIDS][:] = self._liquids
             self._file.flush()
         except (OSError, RuntimeError) as error:
             raise InputError(f"{self._path}: cannot be written ({single_line(error)})") from None
@@ -446,6 +469,13 @@ class TrajectoryWriter:
             wrenches = [forces.get(name, none) for forces in self._forces]
             for group, rows in zip(WRENCHES, zip(*wrenches, strict=True), strict=True):
                 self._write_rows(f"{group}/{name}", np.array(rows), none.force)
+
+    def _write_bodies(self) -> None:
+        """Write how the rigid bodies move in the buffered frames; NaN where a frame does not have one."""
+        names = {**dict.fromkeys(self._file.get(BODIES, ())), **{n: None for bodies in self._bodies for n in bodies}}
+        none = np.full(12, np.nan)
+        for name in names:
+            self._write_rows(f"{BODIES}/{name}", np.array([bodies.get(name, none) for bodies in self._bodies]), none)
 
     def _write_rows(self, path: str, rows: np.ndarray, missing: np.ndarray) -> None:
         """Write rows (K, width) of the buffered frames; a new data set has ``missing`` (width,) in earlier frames."""

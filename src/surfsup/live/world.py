@@ -48,6 +48,8 @@ class LiveWorld:
         self._start(with_named_surface(scene))
 
     def _start(self, scene: Scene) -> None:
+        if scene.mixture:
+            raise InputError("fluid: a live scene has one liquid; use surfsup simulate for several")
         simulation = Simulation(scene, SIMULATOR, "cpu")
         check_count(len(simulation.particles.positions))
         self.scene, self.simulation, self._gravity = scene, simulation, scene.gravity

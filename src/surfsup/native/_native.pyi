@@ -23,7 +23,7 @@ Record: TypeAlias = tuple[np.ndarray, ...]
 Moving: TypeAlias = tuple[object, ...]
 # Impulses for unit mass and their moments about the origin of the world (R, 6) float64, added to: of the walls, the
 # solids that stand still, those that move; and which still solid each particle is at (N,) int32, None with one or none.
-Impulses: TypeAlias = tuple[np.ndarray, np.ndarray | None]
+Impulses: TypeAlias = tuple[np.ndarray, np.ndarray | None, Values | None]
 
 # float32, or the bits of bfloat16 as uint16.
 Numbers: TypeAlias = np.ndarray
@@ -47,9 +47,14 @@ def find_neighbor_pairs(
     """
 
 def energy_gain(
-    positions: Vectors, velocities: Vectors, new_positions: Vectors, new_velocities: Vectors, gravity: Vector
+    positions: Vectors,
+    velocities: Vectors,
+    new_positions: Vectors,
+    new_velocities: Vectors,
+    gravity: Vector,
+    masses: Values | None = None,
 ) -> float:
-    """Mechanical energy that a step adds, mean J/kg. Arrays are (N, 3), ``gravity`` is (3,)."""
+    """Mechanical energy that a step adds, mean J/kg. Arrays are (N, 3), ``gravity`` is (3,), ``masses`` are (N,)."""
 
 def limit_energy_gain(
     positions: Vectors,
@@ -62,6 +67,7 @@ def limit_energy_gain(
     max_gain: float,
     max_delta_velocity: float,
     halvings: int,
+    masses: Values | None = None,
 ) -> None:
     """Shorten the changes against free fall in place until a step adds at most ``max_gain`` J/kg. Arrays are (N, 3)."""
 
@@ -172,6 +178,7 @@ class SolverParameters:
 class LiquidParameters:
     """Parameters of a liquid; see sph/liquid.hpp."""
 
+    mass: float
     implicit_viscosity: bool
     viscosity: float
     friction: float
@@ -227,7 +234,7 @@ class Solver:
         record: Record | None,
         moving: Moving | None,
         impulses: Impulses | None,
-        liquid: LiquidParameters | None,
+        liquids: tuple[list[LiquidParameters], np.ndarray | None] | None,
         isa: str,
         threads: int,
         max_pairs: int,
@@ -248,6 +255,8 @@ class Solver:
             record: arrays for the last substep, written.
             moving: what moves in the frame, without a record; None if nothing does.
             impulses: on walls and solids; None if they are not requested.
+            liquids: what flows, with the number (N,) int32 of each particle's liquid if there are several; None for
+                the solver's own water.
             isa: instruction set.
             threads: at most.
             max_pairs: of neighbors; the step stops beyond it.

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import re
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 import trimesh
@@ -14,6 +15,7 @@ from surfsup.errors import InputError
 from surfsup.scene.container import Container
 from surfsup.scene.fluid import PARTICLE_RADIUS
 from surfsup.scene.from_surface import block_above, check_fits
+from surfsup.scene.gltf_motion import GltfMotion, animated_nodes
 from surfsup.sdf import load_mesh
 from surfsup.sdf.mesh.cleaning import clean
 from surfsup.sdf.mesh.mesh_file import FORMATS
@@ -26,8 +28,8 @@ GLTF = (".glb", ".gltf")
 def write_assembly(source: Path, out: Path, fit: float | None, up: Literal["y", "z"] | None = None) -> list[str]:
     """Write the scene file ``out`` of an assembly, and its parts into a folder beside it.
 
-    Each part becomes a mesh about the middle of its own box, placed by ``at``, so that a motion turns it there. A block
-    of water is above the whole.
+    Each part becomes a mesh about the middle of its own box, placed by ``at``, so that a motion turns it there. A node
+    that the glTF file animates keeps its own frame and its motion. A block of water is above the whole.
 
     Args:
         source: a folder of mesh files, or a GLB or glTF file, whose nodes are the parts.
@@ -41,7 +43,11 @@ def write_assembly(source: Path, out: Path, fit: float | None, up: Literal["y", 
     Raises:
         InputError: a file is unusable, there is none, the whole does not fit, or nothing can be written.
     """
-    parts = folder_parts(source, up) if source.is_dir() else gltf_parts(source, up)
+    motions: dict[str, GltfMotion] = {}
+    if source.is_dir():
+        parts = folder_parts(source, up)
+    else:
+        parts, motions = gltf_parts(source, up)
     if not parts:
         raise InputError(
             f"{source}: has no parts; a folder needs mesh files ({', '.join(FORMATS)}), a glTF file meshes"
@@ -57,15 +63,19 @@ def write_assembly(source: Path, out: Path, fit: float | None, up: Literal["y", 
     check_fits(source, lower, upper, container, PARTICLE_RADIUS, fitted=fit is not None)
     block = block_above(lower, upper, container, PARTICLE_RADIUS)
     files = out.with_name(f"{out.stem}-files")
-    surfaces = {}
+    surfaces: dict[str, Any] = {}
     try:
         files.mkdir(parents=True, exist_ok=True)
         for name, part in parts.items():
-            middle = part.bounds.mean(axis=0)
-            placed = trimesh.Trimesh(scale * (part.vertices - middle), part.faces, process=False)
-            placed.export(files / f"{name}.ply")
-            at = np.round(scale * (middle + shift), 9) + 0.0
-            surfaces[name] = {"mesh": {"file": f"{files.name}/{name}.ply"}, "at": at.tolist()}
+            mesh = {"file": f"{files.name}/{name}.ply"}
+            if name in motions:
+                own = motions[name].to_own(part.vertices)
+                surfaces[name] = {"mesh": mesh, "motion": motion_entry(source, out, motions[name].node, scale, shift)}
+            else:
+                middle = part.bounds.mean(axis=0)
+                own, at = part.vertices - middle, np.round(scale * (middle + shift), 9) + 0.0
+                surfaces[name] = {"mesh": mesh, "at": at.tolist()}
+            trimesh.Trimesh(scale * own, part.faces, process=False).export(files / f"{name}.ply")
         water = {"min": list(map(float, block.min)), "max": list(map(float, block.max))}
         scene = {"surfaces": surfaces, "fluid": [{"block": water}]}
         text = yaml.safe_dump(scene, sort_keys=False, default_flow_style=None)
@@ -83,10 +93,11 @@ def folder_parts(folder: Path, up: Literal["y", "z"] | None) -> dict[str, trimes
     return named([(path.stem, load_mesh(path, up)) for path in files])
 
 
-def gltf_parts(path: Path, up: Literal["y", "z"] | None) -> dict[str, trimesh.Trimesh]:
-    """The meshes of the nodes of a glTF file by name, with z up."""
+def gltf_parts(path: Path, up: Literal["y", "z"] | None) -> tuple[dict[str, trimesh.Trimesh], dict[str, GltfMotion]]:
+    """The meshes of the nodes of a glTF file by name, with z up, and the motions of those that it animates."""
     try:
-        raw = read_parts(path.read_bytes())
+        content = path.read_bytes()
+        raw, animated = read_parts(content), animated_nodes(content)
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror}); check the path") from None
     except UnreadableMeshError as error:
@@ -98,7 +109,19 @@ def gltf_parts(path: Path, up: Literal["y", "z"] | None) -> dict[str, trimesh.Tr
             if up != "z":
                 mesh.vertices = np.asarray(mesh.vertices)[:, [0, 2, 1]] * [1.0, -1.0, 1.0]
             parts.append((name, mesh))
-    return named(parts)
+    if animated and up == "z":
+        raise InputError(f"{path}: is animated, and y is up in its animation; omit --up")
+    meshes = named(parts)
+    motions = {own: GltfMotion(path, name) for own, (name, _) in zip(meshes, parts, strict=True) if name in animated}
+    return meshes, motions
+
+
+def motion_entry(source: Path, out: Path, node: str, scale: float, shift: np.ndarray) -> dict[str, Any]:
+    """The motion of a node as the scene file ``out`` has it, where the whole is moved by ``shift``, then scaled."""
+    entry: dict[str, Any] = {"gltf": os.path.relpath(source, out.parent), "node": node}
+    if scale != 1 or shift.any():
+        entry |= {"scale": float(scale), "offset": (np.round(scale * shift, 9) + 0.0).tolist()}
+    return entry
 
 
 def named(parts: list[tuple[str, trimesh.Trimesh]]) -> dict[str, trimesh.Trimesh]:

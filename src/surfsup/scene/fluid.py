@@ -6,11 +6,13 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any, ClassVar
 
 import numpy as np
-from pydantic import model_validator
+from pydantic import field_validator, model_validator
 
 from surfsup.scene.fill import Fill
+from surfsup.scene.liquid import Liquid, named_liquid
 from surfsup.scene.particle_file import ParticleFile
 from surfsup.scene.strict_model import PositionVector, StrictModel, Vector, Velocity, for_callers_only
 
@@ -84,19 +86,39 @@ class Block(StrictModel):
 
 
 class Fluid(StrictModel):
-    """One entry of ``fluid`` in a scene file: a block, a filled shape or vessel, or the particles of a file."""
+    """One entry of ``fluid`` in a scene file: a block, a filled shape or vessel, or the particles of a file.
+
+    Attributes:
+        block, fill, particles: exactly one of them.
+        liquid: that of the entry, or its name; None for that of the scene.
+
+    Examples:
+        >>> import surfsup as sf
+        >>> oil = sf.Fluid(block=sf.Block((-0.1, -0.1, 0.5), (0.1, 0.1, 0.7)), liquid="oil")
+        >>> oil.liquid.density
+        911.0
+    """
+
+    KINDS: ClassVar[tuple[str, ...]] = ("block", "fill", "particles")
 
     block: Block | None = None
     fill: Fill | None = None
     particles: ParticleFile | None = None
+    liquid: Liquid | None = None
+
+    @field_validator("liquid", mode="before")
+    @classmethod
+    def find_liquid(cls, value: Any) -> Any:
+        """Take a name for the liquid that has it."""
+        return named_liquid(value)
 
     @model_validator(mode="after")
     def check_kind(self) -> Fluid:
         """Require exactly one kind."""
-        given = [kind for kind in type(self).model_fields if getattr(self, kind) is not None]
+        given = [kind for kind in self.KINDS if getattr(self, kind) is not None]
         if len(given) != 1:
             found = " and ".join(given) if given else "none"
-            raise ValueError(f"needs exactly one of {', '.join(type(self).model_fields)}, found {found}")
+            raise ValueError(f"needs exactly one of {', '.join(self.KINDS)}, found {found}")
         return self
 
     @classmethod
@@ -111,7 +133,7 @@ class Fluid(StrictModel):
     @property
     def kind(self) -> str:
         """The key of the entry."""
-        return next(kind for kind in type(self).model_fields if getattr(self, kind) is not None)
+        return next(kind for kind in self.KINDS if getattr(self, kind) is not None)
 
     @property
     def content(self) -> Block | Fill | ParticleFile:
@@ -133,9 +155,10 @@ class Fluid(StrictModel):
         """A copy with ``function`` applied to the path of every file."""
         content = self.content
         if isinstance(content, ParticleFile):
-            return Fluid(particles=content.model_copy(update={"file": function(content.file)}))
+            return self.model_copy(update={"particles": content.model_copy(update={"file": function(content.file)})})
         if isinstance(content, Fill) and content.surface is not None:
-            return Fluid(fill=content.model_copy(update={"surface": content.surface.map_files(function)}))
+            fill = content.model_copy(update={"surface": content.surface.map_files(function)})
+            return self.model_copy(update={"fill": fill})
         return self
 
 
@@ -148,12 +171,15 @@ class InitialParticles:
         block_velocities: velocity in m/s, one per block, or one (N, 3) for each of its particles.
         excluded: number of lattice sites without a particle, because they overlap the solid or another block.
         settle: whether the water of each block comes to rest before the scene begins; empty for none.
+        block_liquids: of each block the number of its liquid in :attr:`surfsup.scene.Scene.mixture`, or one (N,) for
+            each of its particles; empty in a scene of one liquid.
     """
 
     block_positions: list[np.ndarray]
     block_velocities: Sequence[Vector | np.ndarray]
     excluded: int
     settle: tuple[bool, ...] = ()
+    block_liquids: Sequence[int | np.ndarray] = ()
 
     @property
     def positions(self) -> np.ndarray:
@@ -172,6 +198,14 @@ class InitialParticles:
                 ),
             ]
         )
+
+    @property
+    def liquids(self) -> np.ndarray | None:
+        """The number of the liquid of each particle, (N,) int32; None in a scene of one liquid."""
+        if not len(self.block_liquids):
+            return None
+        pairs = zip(self.block_positions, self.block_liquids, strict=True)
+        return np.concatenate([np.broadcast_to(np.asarray(liquid, np.int32), len(block)) for block, liquid in pairs])
 
 
 def lattice_sites(low: float, high: float, spacing: float = SPACING) -> int:

@@ -1,4 +1,4 @@
-"""The motion of a surface in a scene file: keyframes, a constant spin, or a file of poses."""
+"""The motion of a surface in a scene file: keyframes, a constant spin, a file of poses, or an animated glTF file."""
 
 from __future__ import annotations
 
@@ -12,10 +12,11 @@ from pydantic import BeforeValidator, Field, model_validator
 
 from surfsup.errors import InputError
 from surfsup.scene import quaternion
+from surfsup.scene.gltf_motion import GltfMotion
 from surfsup.scene.pose import Pose
 from surfsup.scene.pose_curve import PoseCurve
 from surfsup.scene.shapes import Rotation
-from surfsup.scene.strict_model import Finite, StrictModel, Vector
+from surfsup.scene.strict_model import Finite, Length, StrictModel, Vector
 
 PoseFunction = Callable[[float], Pose]
 COLUMNS = ("time", "x", "y", "z", "qw", "qx", "qy", "qz")
@@ -97,26 +98,42 @@ class Spin(StrictModel):
 
 
 class Motion(StrictModel):
-    """How a surface moves: exactly one of ``keyframes``, ``spin`` and ``file``.
+    """How a surface moves: exactly one of ``keyframes``, ``spin``, ``file`` and ``gltf``.
 
     Attributes:
         keyframes: poses at increasing times.
         spin: a constant turn.
         file: a CSV file of poses with the columns time, x, y, z, qw, qx, qy, qz.
         between: ``smooth`` or ``linear`` between the poses of keyframes and file.
+        gltf: a GLB or glTF file with an animation.
+        node: of that file, whose motion it is.
+        animation: its name; None for all that move the node.
+        scale: of the lengths in that file.
+        offset: of its origin in the scene, meters.
     """
 
     keyframes: list[Keyframe] | None = Field(default=None, min_length=1)
     spin: Spin | None = None
     file: Path | None = None
+    gltf: Path | None = None
+    node: str | None = None
+    animation: str | None = None
+    scale: Length = 1.0
+    offset: Vector = (0.0, 0.0, 0.0)
     between: Literal["smooth", "linear"] = "smooth"
 
     @model_validator(mode="after")
     def check_kind(self) -> Motion:
         """Require one kind of motion, and keyframes in order."""
-        given = [name for name in ("keyframes", "spin", "file") if getattr(self, name) is not None]
+        given = [name for name in ("keyframes", "spin", "file", "gltf") if getattr(self, name) is not None]
         if len(given) != 1:
-            raise ValueError(f"needs exactly one of keyframes, spin and file, found {' and '.join(given) or 'none'}")
+            found = " and ".join(given) or "none"
+            raise ValueError(f"needs exactly one of keyframes, spin, file and gltf, found {found}")
+        if self.gltf is not None and self.node is None:
+            raise ValueError("gltf needs the name of its node: {gltf: FILE, node: NAME}")
+        idle = ("between",) if self.gltf is not None else ("node", "animation", "scale", "offset")
+        if useless := [name for name in idle if name in self.model_fields_set and getattr(self, name) is not None]:
+            raise ValueError(f"{useless[0]} has no meaning beside {given[0]}; omit it")
         check_order([key.time for key in self.keyframes or []], "keyframe")
         return self
 
@@ -128,10 +145,12 @@ class Motion(StrictModel):
             folder: base of relative paths.
 
         Raises:
-            InputError: the file of poses is missing or unusable.
+            InputError: the file of poses or the glTF file is missing or unusable.
         """
         if self.spin is not None:
             return self.spin.pose_function(rest)
+        if self.gltf is not None and self.node is not None:
+            return GltfMotion(folder / self.gltf, self.node, self.animation).pose_function(self.scale, self.offset)
         if self.file is not None:
             times, poses = read_poses(folder / self.file)
         else:
@@ -148,7 +167,8 @@ class Motion(StrictModel):
 
     def map_files(self, function: Callable[[Path], Path]) -> Motion:
         """A copy with ``function`` applied to the path of its file."""
-        return self if self.file is None else self.model_copy(update={"file": function(self.file)})
+        files = {name: path for name, path in (("file", self.file), ("gltf", self.gltf)) if path is not None}
+        return self.model_copy(update={name: function(path) for name, path in files.items()})
 
 
 def check_order(times: list[float], what: str) -> None:

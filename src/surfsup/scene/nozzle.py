@@ -36,6 +36,7 @@ class Nozzle:
         guide: how long a layer is guided before it flows freely, seconds.
         carrier: name of what carries it, in whose frame points and velocity are; None for the world.
         recycle: whether it gives only water that drains have taken.
+        liquid: number of its liquid in the scene's mixture; 0 in a scene of one liquid.
     """
 
     center: np.ndarray
@@ -50,6 +51,7 @@ class Nozzle:
     guide: float
     carrier: str | None = None
     recycle: bool = False
+    liquid: int = 0
 
     @cached_property
     def points(self) -> np.ndarray:

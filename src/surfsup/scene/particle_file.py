@@ -6,6 +6,7 @@ import math
 import warnings
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from pydantic import field_validator
@@ -15,9 +16,14 @@ from surfsup.errors import InputError
 from surfsup.scene.bgeo_points import read_bgeo
 from surfsup.scene.strict_model import StrictModel, Vector
 
+if TYPE_CHECKING:
+    import h5py
+
 VTK_SUFFIXES = (".vtk", ".vtp", ".vtu")
 SUFFIXES = (".npy", ".csv", ".ply", *VTK_SUFFIXES, ".bgeo", ".h5")
 VELOCITY_NAMES = ("velocity", "velocities", "v", "vel")
+# Data set (particles,) in a trajectory of several liquids: the number of each, with their densities as an attribute.
+LIQUIDS = "00000/liquid"
 
 
 class ParticleFile(StrictModel):
@@ -71,12 +77,16 @@ class FileParticles:
         velocities: (N, 3) float32, m/s.
         radius: of the particles in meters, where the file says it.
         time: seconds since the start of a trajectory's scene.
+        liquids: (N,) number of the liquid of each particle, in a trajectory of several.
+        densities: (K,) of those liquids, kg/m³.
     """
 
     positions: np.ndarray
     velocities: np.ndarray
     radius: float | None = None
     time: float = 0.0
+    liquids: np.ndarray | None = None
+    densities: tuple[float, ...] = ()
 
 
 def read_particles(path: Path, frame: int | None = None) -> FileParticles:
@@ -184,14 +194,30 @@ def read_trajectory(path: Path, frame: int | None) -> FileParticles:
             frames = f"the frames 0 to {count - 1}, not {number}" if count else "no frames"
             raise InputError(f"{path}: has {frames}")
         values = [data[number] for data in (positions, velocities)]
+        liquids: np.ndarray | None = None
+        densities: tuple[float, ...] = ()
+        if LIQUIDS in file:
+            liquids, densities = read_liquids(file, positions.shape[1])
         if "00000/lifetime" in file:  # the particles that are in the scene in this frame
             lifetimes = stored_dataset(file, "00000/lifetime", "iu")
             if lifetimes.shape != (positions.shape[1], 2):
                 raise ValueError(f"its lifetimes have the shape {lifetimes.shape}")
             first, end = lifetimes[:].T
-            values = [data[(first <= number) & (number < end)] for data in values]
+            there = (first <= number) & (number < end)
+            values = [data[there] for data in values]
+            liquids = None if liquids is None else liquids[there]
         time = float(file.attrs.get("start_time", 0.0)) + number * float(file.attrs["frame_time"])
-        return FileParticles(values[0], values[1], float(file.attrs["radius"]), time)
+        return FileParticles(values[0], values[1], float(file.attrs["radius"]), time, liquids, densities)
+
+
+def read_liquids(file: h5py.File, particles: int) -> tuple[np.ndarray, tuple[float, ...]]:
+    """The number of the liquid of each particle of a trajectory (N,) int32, and the density of each liquid, kg/m³."""
+    data = stored_dataset(file, LIQUIDS, "iu")
+    check_written(data)
+    numbers, densities = data[:].astype(np.int32), tuple(map(float, np.atleast_1d(data.attrs["density"])))
+    if numbers.shape != (particles,) or not len(densities) or (len(numbers) and numbers.max() >= len(densities)):
+        raise ValueError(f"its liquids have the shape {numbers.shape} and {len(densities)} densities")
+    return numbers, densities
 
 
 def end_time(path: Path) -> float:

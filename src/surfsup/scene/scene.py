@@ -73,6 +73,7 @@ class Scene(StrictModel):
             ``container``, a single surface is ``surface``.
         density: of the fluid at rest, kg/m³; that of the liquid, if there is one.
         liquid: what flows, or its name: water, oil, glycerin, honey. By default water as viscous as the solver has it.
+            An entry of ``fluid`` or a tap may name another: liquids of a scene do not mix.
 
     Raises:
         InputError: a value is out of range, ``frames`` and ``duration`` contradict each other, or a name under
@@ -101,6 +102,7 @@ class Scene(StrictModel):
     density: Density = 1000.0
     liquid: Liquid | None = None
     _folder: Path = PrivateAttr(default=Path())
+    _mixture: tuple[Liquid, ...] | None = PrivateAttr(default=None)
 
     @for_callers_only
     def __init__(
@@ -233,6 +235,29 @@ class Scene(StrictModel):
             self.__dict__["density"] = density  # the model is frozen for its users
         return self
 
+    @property
+    def mixture(self) -> tuple[Liquid, ...]:
+        """The different liquids of the scene in the order of its fluid and taps; empty where none names its own.
+
+        An entry or a tap that names none has that of the scene, or else water as the solver has it.
+        """
+        if self._mixture is not None:
+            return self._mixture
+        sources: list[Fluid | Tap] = [*self.fluid, *self.taps]
+        if all(source.liquid is None for source in sources):
+            return ()
+        return tuple(dict.fromkeys(self.liquid_of(source) for source in sources))
+
+    def liquid_of(self, source: Fluid | Tap) -> Liquid:
+        """The liquid of an entry of the fluid, or of a tap."""
+        return source.liquid or self.liquid or Liquid(density=self.density)
+
+    def with_mixture(self, liquids: tuple[Liquid, ...]) -> Scene:
+        """A copy whose :attr:`mixture` is ``liquids``, whatever its fluid says."""
+        copy = self.model_copy()
+        copy._mixture = liquids
+        return copy
+
     @field_validator("forces", mode="before")
     @classmethod
     def check_forces(cls, names: Any) -> Any:
@@ -248,16 +273,6 @@ class Scene(StrictModel):
         if unknown := [name for name in self.forces if name not in known and self.forces != "all"]:
             there = ", ".join(known) or "none, and the container is open"
             raise ValueError(f"forces: there is no solid '{unknown[0]}'; those of the scene are {there}")
-        return self
-
-    @model_validator(mode="after")
-    def check_restart(self) -> Scene:
-        """Refuse to continue rigid bodies, whose velocities no trajectory has."""
-        named = {name: entry for name, entry in self.surfaces.items() if isinstance(entry, NamedShape)}
-        if self.restart is not None and (
-            free := [name for name, entry in named.items() if entry.rigid_body is not None]
-        ):
-            raise ValueError(f"restart: '{free[0]}' is a rigid body, whose velocity no trajectory has; omit restart")
         return self
 
     @model_validator(mode="after")
@@ -418,7 +433,7 @@ class Scene(StrictModel):
     @property
     def needs_native(self) -> bool:
         """Whether the scene needs the C++ code, on the CPU: something moves, forces are requested, it has a liquid."""
-        return self.moves or bool(self.forces) or self.liquid is not None
+        return self.moves or bool(self.forces) or self.liquid is not None or bool(self.mixture)
 
     @property
     def flush(self) -> bool:

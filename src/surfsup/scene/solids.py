@@ -16,6 +16,7 @@ from surfsup.scene.mesh_surface import MeshFileSurface
 from surfsup.scene.motion import Motion, PoseFunction
 from surfsup.scene.pose import Pose
 from surfsup.scene.quaternion import about_axis
+from surfsup.scene.restarted_bodies import restarted_body
 from surfsup.scene.rigid_body import RigidBody
 from surfsup.scene.shapes import Shape
 from surfsup.sdf import Surface, Transformed, Union
@@ -201,6 +202,8 @@ def build_solids(scene: Scene, movable: Collection[str] = ()) -> Solids:
             rest, surface = Pose.of(), entry
         else:
             rest, surface = shape.rest, shape.own_surface(scene.base_folder)
+        if body is not None and (restarted := restarted_body(scene, name)) is not None:
+            rest, _ = restarted
         pose = constant(rest) if motion is None else motion.pose_function(rest, scene.base_folder)
         moving.append(MovingSolid(name, surface, pose, body, flush))
     container, shaken = None, scene.container.motion

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import os
 from itertools import product
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -39,7 +40,8 @@ def initial_particles(scene: Scene, surface: Surface | None) -> InitialParticles
     require_memory(scene)
     blocks: list[np.ndarray] = []
     velocities: list[Vector | np.ndarray] = []
-    settle, placed, excluded = [], np.empty((0, 3), np.float32), 0
+    mixture = scene.mixture
+    settle, liquids, placed, excluded = [], [], np.empty((0, 3), np.float32), 0
     for number, entry in enumerate(scene.fluid):
         positions, velocity = entry_particles(scene, number, entry, surface)
         free = np.ones(len(positions), dtype=bool)
@@ -56,13 +58,14 @@ def initial_particles(scene: Scene, surface: Surface | None) -> InitialParticles
             blocks.append(positions[free])
             velocities.append(velocity[free] if isinstance(velocity, np.ndarray) else velocity)
             settle.append(entry.settle)
+            liquids += [mixture.index(scene.liquid_of(entry))] if mixture else []
             placed = np.concatenate([placed, positions[free]])
     if not blocks and scene.fluid:
         raise InputError(
             f"fluid: all {excluded} particles are inside the solid{size_hint(scene, surface)}; move the "
             f"{scene.fluid[0].kind} or make the surface smaller"
         )
-    return InitialParticles(blocks, velocities, excluded, tuple(settle))
+    return InitialParticles(blocks, velocities, excluded, tuple(settle), tuple(liquids))
 
 
 def size_hint(scene: Scene, surface: Surface | None) -> str:
@@ -210,7 +213,28 @@ def restarted(scene: Scene, surface: Surface | None) -> InitialParticles:
     path = scene.base_folder / scene.restart
     found = read_particles(path)
     check_file(scene, str(path), found, surface)
-    return InitialParticles([found.positions], [found.velocities], 0, (False,))
+    liquids = (restarted_liquids(scene, path, found),) if scene.mixture else ()
+    return InitialParticles([found.positions], [found.velocities], 0, (False,), liquids)
+
+
+def restarted_liquids(scene: Scene, path: Path, found: FileParticles) -> np.ndarray:
+    """The numbers (N,) of the liquids of the particles that ``scene`` continues.
+
+    Raises:
+        InputError: the trajectory has other liquids.
+    """
+    densities = tuple(liquid.density for liquid in scene.mixture)
+    if found.liquids is None or found.densities != densities:
+        has = (
+            "one liquid"
+            if found.liquids is None
+            else f"liquids of {', '.join(f'{d:g}' for d in found.densities)} kg/m³"
+        )
+        raise InputError(
+            f"{path}: has {has}, but the scene liquids of {', '.join(f'{density:g}' for density in densities)} kg/m³; "
+            "continue it with the liquids that it has"
+        )
+    return found.liquids
 
 
 def require_memory(scene: Scene) -> None:

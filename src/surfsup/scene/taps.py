@@ -6,8 +6,9 @@ import math
 from typing import Annotated, Any
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import Field, field_validator, model_validator
 
+from surfsup.scene.liquid import Liquid, named_liquid
 from surfsup.scene.nozzle import Nozzle, disc_lattice, nozzle_axes, rectangle_lattice
 from surfsup.scene.shapes import Shape
 from surfsup.scene.strict_model import MAX_SPEED, Degrees, Length, PositionVector, StrictModel, Vector
@@ -69,6 +70,7 @@ class Tap(Passage):
         until: when it closes, seconds; None for never.
         carrier: name of the surface that carries it, whose frame ``at`` and ``direction`` are in; None for the world.
         recycle: whether it gives only water that drains have taken.
+        liquid: that of the tap, or its name; None for that of the scene.
 
     Examples:
         >>> import surfsup as sf
@@ -87,6 +89,13 @@ class Tap(Passage):
     speed: Annotated[float, Field(gt=0, le=MAX_SPEED, allow_inf_nan=False)] | None = None
     flow: Positive | None = None
     recycle: bool = False
+    liquid: Liquid | None = None
+
+    @field_validator("liquid", mode="before")
+    @classmethod
+    def find_liquid(cls, value: Any) -> Any:
+        """Take a name for the liquid that has it."""
+        return named_liquid(value)
 
     @model_validator(mode="after")
     def check_tap(self) -> Tap:

@@ -125,7 +125,9 @@ class Units:
             "liquid": self.liquid_to_solver(scene.liquid),
         }
         copy = scene.model_copy(update={**changes, "fps": scene.fps and scene.fps * self.time, "duration": None})
-        return copy.with_base_folder(scene.base_folder)
+        copy = copy.with_base_folder(scene.base_folder)
+        liquids = [self.liquid_to_solver(liquid) for liquid in scene.mixture]
+        return copy.with_mixture(tuple(liquid for liquid in liquids if liquid is not None)) if liquids else copy
 
     def liquid_to_solver(self, liquid: Liquid | None) -> Liquid | None:
         """A liquid in the units of the solver, with the same density."""

@@ -30,8 +30,18 @@ def polygonize(surface: Surface, resolution: int = 96) -> trimesh.Trimesh:
     Raises:
         InputError: No part of the solid is larger than a cell.
     """
-    import igl
     import trimesh
+
+    return trimesh.Trimesh(*zero_set(surface, resolution), process=False)
+
+
+def zero_set(surface: Surface, resolution: int) -> tuple[np.ndarray, np.ndarray]:
+    """Vertices (V, 3) and faces (F, 3) of :func:`polygonize`, without the library of its mesh.
+
+    Raises:
+        InputError: No part of the solid is larger than a cell.
+    """
+    import igl
 
     lower, upper = surface.bounds().detach().cpu().double().numpy()
     if not (np.isfinite(lower).all() and np.isfinite(upper).all() and (lower < upper).all()):
@@ -41,8 +51,10 @@ def polygonize(surface: Surface, resolution: int = 96) -> trimesh.Trimesh:
     start = lower - 1.6180339 * cell
     axes = [np.arange(low, high + 2 * cell, cell) for low, high in zip(start, upper, strict=True)]
     # libigl expects x to vary fastest.
-    z, y, x = np.meshgrid(axes[2], axes[1], axes[0], indexing="ij")
-    grid = np.stack([x.ravel(), y.ravel(), z.ravel()], axis=1)
+    lattice = np.empty((len(axes[2]), len(axes[1]), len(axes[0]), 3))
+    lattice[..., 0], lattice[..., 1] = axes[0], axes[1][:, None]
+    lattice[..., 2] = axes[2][:, None, None]
+    grid = lattice.reshape(-1, 3)
     values = np.concatenate([distances(surface, part) for part in chunks(grid)])
     if values.min() >= 0:
         raise InputError(f"the surface has no inside that a grid with cells of {cell:.3g} m resolves; is it empty?")
@@ -50,10 +62,13 @@ def polygonize(surface: Surface, resolution: int = 96) -> trimesh.Trimesh:
     for _ in range(2):
         steps = [newton_step(surface, part, max_step=cell / 2) for part in chunks(vertices)]
         vertices = vertices - np.concatenate(steps)
-    mesh = trimesh.Trimesh(vertices, faces, process=False)
-    if mesh.volume < 0:
-        mesh.invert()
-    return mesh
+    return vertices, np.ascontiguousarray(faces[:, ::-1]) if signed_volume(vertices, faces) < 0 else faces
+
+
+def signed_volume(vertices: np.ndarray, faces: np.ndarray) -> float:
+    """The volume that triangles enclose, m³; negative if they are oriented inward."""
+    a, b, c = (vertices[faces[:, corner]] for corner in range(3))
+    return float(np.einsum("ij,ij->", a, np.cross(b, c))) / 6
 
 
 def chunks(points: np.ndarray) -> list[np.ndarray]:

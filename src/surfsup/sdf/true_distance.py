@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-import numpy as np
 import torch
 from torch import Tensor
 
 from surfsup.errors import InputError
 from surfsup.sdf.combine import Difference, Intersection, Union
-from surfsup.sdf.marching_cubes import polygonize
+from surfsup.sdf.marching_cubes import zero_set
 from surfsup.sdf.mesh.query import MeshQuery
 from surfsup.sdf.surface import Surface
 from surfsup.sdf.transform import Transformed
@@ -66,8 +65,7 @@ class TrueDistance(Surface):
     def __init__(self, surface: Surface) -> None:
         super().__init__()
         self.surface = surface
-        mesh = polygonize(surface, RESOLUTION)
-        self.query = MeshQuery(np.asarray(mesh.vertices), np.asarray(mesh.faces))
+        self.query = MeshQuery(*zero_set(surface, RESOLUTION))
 
     def distance(self, points: Tensor) -> Tensor:
         """Signed distance (N,), without a gradient."""

@@ -17,7 +17,12 @@ from surfsup.sph.native_query import native_query
 
 
 def resolve_collisions(
-    before: Tensor, positions: Tensor, velocities: Tensor, environment: Environment, last: LastQuery | None = None
+    before: Tensor,
+    positions: Tensor,
+    velocities: Tensor,
+    environment: Environment,
+    last: LastQuery | None = None,
+    masses: np.ndarray | None = None,
 ) -> CollisionResult:
     """Project particles out of the solid along its normal, and remove velocity that points into it.
 
@@ -33,18 +38,24 @@ def resolve_collisions(
         velocities: (N, 3), m/s.
         environment: container and solid.
         last: an earlier query of the solid. Particles that cannot have come near since then skip the query.
+        masses: (N,) float32 of the particles of a mixture, for their impulses; in C++ only.
     """
     if environment.motion is not None:
-        return resolve_moving_collisions(before, positions, velocities, environment, environment.motion)
+        return resolve_moving_collisions(before, positions, velocities, environment, environment.motion, masses)
     if can_run_native(positions, velocities, environment.lower, environment.upper, module=environment.surface):
-        return resolve_collisions_native(before, positions, velocities, environment, last)
+        return resolve_collisions_native(before, positions, velocities, environment, last, masses)
     from surfsup.sph.warp_engine import collision
 
     return collision.resolve_collisions(before, positions, velocities, environment, last)
 
 
 def resolve_moving_collisions(
-    before: Tensor, positions: Tensor, velocities: Tensor, environment: Environment, motion: FrameMotion
+    before: Tensor,
+    positions: Tensor,
+    velocities: Tensor,
+    environment: Environment,
+    motion: FrameMotion,
+    masses: np.ndarray | None = None,
 ) -> CollisionResult:
     """:func:`resolve_collisions` beside solids and walls that move from before to after, in C++.
 
@@ -54,7 +65,7 @@ def resolve_moving_collisions(
     """
     new_positions, new_velocities = (value.detach().numpy().copy() for value in (positions, velocities))
     collided = np.empty(len(positions), bool)
-    impulses = None if environment.impulses is None else environment.impulses.native(new_positions)
+    impulses = None if environment.impulses is None else environment.impulses.native(new_positions, masses)
     native.resolve_moving_collisions(
         before.detach().contiguous().numpy(),
         new_positions,
@@ -76,12 +87,17 @@ def resolve_moving_collisions(
 
 
 def resolve_collisions_native(
-    before: Tensor, positions: Tensor, velocities: Tensor, environment: Environment, last: LastQuery | None
+    before: Tensor,
+    positions: Tensor,
+    velocities: Tensor,
+    environment: Environment,
+    last: LastQuery | None,
+    masses: np.ndarray | None = None,
 ) -> CollisionResult:
     """:func:`resolve_collisions` in C++."""
     new_positions, new_velocities = (value.detach().numpy().copy() for value in (positions, velocities))
     collided = np.empty(len(positions), bool)
-    impulses = None if environment.impulses is None else environment.impulses.native(new_positions)
+    impulses = None if environment.impulses is None else environment.impulses.native(new_positions, masses)
     query_positions, query_distance = None, None
     if last is not None:
         query_positions, query_distance = (

@@ -71,5 +71,6 @@ def limit_energy_gain(
         MAX_ENERGY_GAIN + supplied,
         MAX_DELTA_VELOCITY,
         HALVINGS,
+        environment.masses_of(state),
     )
     return after[0], after[1]

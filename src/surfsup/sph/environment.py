@@ -7,6 +7,7 @@ from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import NamedTuple
 
+import numpy as np
 import torch
 from torch import Tensor
 
@@ -17,11 +18,12 @@ from surfsup.scene import Scene
 from surfsup.scene.flush import with_flush_solids
 from surfsup.scene.solids import Solids, build_solids
 from surfsup.sdf import Surface, Transformed
-from surfsup.sdf.edges import with_edges
 from surfsup.sph.boundary.boundary_map import BoundaryMap
+from surfsup.sph.collision_surface import for_collisions
 from surfsup.sph.impulses import Impulses
-from surfsup.sph.liquid import LiquidForces
+from surfsup.sph.liquid import LiquidForces, Mixture
 from surfsup.sph.moving import FrameMotion, MovingSolids
+from surfsup.sph.state import MixtureState, ParticleState
 
 
 class HostVectors(NamedTuple):
@@ -47,7 +49,7 @@ class Environment:
         unmoved: the same without that motion and those impulses; None without either.
         solids: all solids; None where forces on them are never requested.
         impulses: of the next frame, to which the solver adds; None where they are not requested.
-        liquid: what flows, or None for the solver's own water.
+        liquid: what flows, or None for the solver's own water. Particles of a mixture are a :class:`MixtureState`.
         supplied_energy: that taps have brought into the fluid and the next frame may release, mean J/kg.
     """
 
@@ -62,7 +64,7 @@ class Environment:
     solids: Solids | None = None
     impulses: Impulses | None = None
     supplied_energy: float = 0.0
-    liquid: LiquidForces | None = None
+    liquid: LiquidForces | Mixture | None = None
 
     def __getstate__(self) -> dict[str, object]:
         """The fields alone: cached native objects can be neither copied nor pickled."""
@@ -94,14 +96,14 @@ class Environment:
         if solids is not None and (fitted := with_flush_solids(solids)) is not solids:
             solids, surface = fitted, fitted.still
         return cls(
-            None if surface is None else surface_on(with_edges(surface), device),
+            None if surface is None else surface_on(for_collisions(surface), device),
             torch.tensor(container.lower, device=device),
             torch.tensor(container.upper, device=device),
             torch.tensor(scene.gravity, device=device),
             None if surface is None or tensors_requiring_grad(surface) else BoundaryMap.of(surface, container),
             MovingSolids(solids) if solids is not None and solids.move else None,
             solids=solids,
-            liquid=LiquidForces.of(scene.liquid),
+            liquid=LiquidForces.of_scene(scene),
         )
 
     def moved(self, motion: FrameMotion) -> Environment:
@@ -160,6 +162,18 @@ class Environment:
     def on_host(self) -> HostVectors:
         """Container and gravity on the CPU, for kernels that take them by value."""
         return HostVectors(*(vector.detach().cpu() for vector in (self.lower, self.upper, self.gravity)))
+
+    def masses_of(self, state: ParticleState) -> np.ndarray | None:
+        """The masses (N,) float32 of the particles of a mixture, in units of one of the scene's density; else None.
+
+        Raises:
+            InputError: the state does not say which liquid each particle is.
+        """
+        if not isinstance(self.liquid, Mixture):
+            return None
+        if not isinstance(state, MixtureState):
+            raise InputError("the scene has several liquids, which this use of the solver does not know")
+        return self.liquid.masses_of(state.liquids)
 
     @property
     def requires_grad(self) -> bool:

@@ -44,16 +44,19 @@ class Impulses:
         """Of the rows."""
         return CONTAINER, *(part.name for part in self.solids.parts), *(solid.name for solid in self.solids.moving)
 
-    def native(self, positions: np.ndarray) -> tuple[np.ndarray, np.ndarray | None]:
+    def native(
+        self, positions: np.ndarray, masses: np.ndarray | None = None
+    ) -> tuple[np.ndarray, np.ndarray | None, np.ndarray | None]:
         """New rows for C++ code, and which of the still solids each of the particles at ``positions`` (N, 3) is at.
 
-        All that stands still is one solid. What it does to a particle counts for the part that is nearest.
+        All that stands still is one solid. What it does to a particle counts for the part that is nearest. The third
+        item are the ``masses`` (N,) of the particles, None where all are 1.
         """
         if len(self.solids.parts) < 2:
-            return self.no_rows(), None
+            return self.no_rows(), None, masses
         points = torch.from_numpy(positions)
         distances = np.stack([part.surface.distance(points).detach().numpy() for part in self.solids.parts])
-        return self.no_rows(), distances.argmin(axis=0).astype(np.int32)
+        return self.no_rows(), distances.argmin(axis=0).astype(np.int32), masses
 
     def add(self, rows: np.ndarray, motion: FrameMotion | None) -> None:
         """Add rows with moments about the origin of the world, of a step with ``motion``."""

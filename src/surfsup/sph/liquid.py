@@ -17,15 +17,26 @@ a kernel support aside from the nearest one.
 and **adhesion** pulls towards a solid with the kernel A of the same authors (N. Akinci, G. Akinci, M. Teschner,
 "Versatile Surface Tension and Adhesion for SPH Fluids", ACM Transactions on Graphics 32, 2013). The factors that
 turn N/m into their coefficients are measured (``benchmarks/physics_of_liquids.py``).
+
+**Liquids that do not mix** differ in the mass of their particles, not in their volume: densities relative to the rest
+density are sums of volumes V W, whatever the masses of the neighbors, so a boundary between two liquids is as sharp as
+the particles (B. Solenthaler, R. Pajarola, "Density Contrast SPH Interfaces", Symposium on Computer Animation 2008).
+A pressure acts on both particles of a pair with the same force, which changes the velocity of the lighter one more.
+Viscosity acts between two liquids with the harmonic mean of their dynamic viscosities, tension within each alone.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 
+import numpy as np
+from torch import Tensor
+
 from surfsup import native
+from surfsup.scene import Scene
 from surfsup.scene.liquid import Liquid
 from surfsup.sph.boundary.density import VOLUME_FACTOR
 from surfsup.sph.dfsph import LAPLACIAN_FACTOR, VISCOSITY
@@ -74,10 +85,15 @@ class LiquidForces:
         )
         return None if forces == cls(None, 0.0, 0.0, 0.0) else forces
 
-    @cached_property
-    def native(self) -> native.LiquidParameters:
-        """The coefficients for C++ code."""
+    @classmethod
+    def of_scene(cls, scene: Scene) -> LiquidForces | Mixture | None:
+        """Those of a scene in the units of the solver."""
+        return Mixture.of(scene.mixture, scene.density) if scene.mixture else cls.of(scene.liquid)
+
+    def parameters(self, mass: float) -> native.LiquidParameters:
+        """The coefficients for C++ code, for particles of a mass in units of that of one of the scene's density."""
         parameters = native.LiquidParameters()
+        parameters.mass = mass
         parameters.implicit_viscosity = self.viscosity is not None
         parameters.viscosity = LAPLACIAN_FACTOR * (VISCOSITY if self.viscosity is None else self.viscosity)
         parameters.friction = LAPLACIAN_FACTOR * self.boundary_viscosity
@@ -88,6 +104,50 @@ class LiquidForces:
         parameters.max_iterations = MAX_ITERATIONS
         return parameters
 
+    @cached_property
+    def native(self) -> list[native.LiquidParameters]:
+        """The coefficients for C++ code, the only entry of a list."""
+        return [self.parameters(1.0)]
+
     def __getstate__(self) -> dict[str, object]:
         """The fields alone: cached native objects can be neither copied nor pickled."""
-        return {name: value for name, value in self.__dict__.items() if name != "native"}
+        return without_native(self)
+
+
+@dataclass(frozen=True)
+class Mixture:
+    """Liquids that do not mix, in the units of the solver.
+
+    Attributes:
+        forces: coefficients of each, all with an implicit viscosity.
+        masses: of a particle of each, in units of that of a particle of the scene's density.
+    """
+
+    forces: tuple[LiquidForces, ...]
+    masses: tuple[float, ...]
+
+    @classmethod
+    def of(cls, liquids: Sequence[Liquid], density: float) -> Mixture:
+        """Liquids in a scene of a ``density`` in kg/m³."""
+        water = LiquidForces(VISCOSITY, 0.0, 0.0, 0.0)
+        forces = [LiquidForces.of(liquid) or water for liquid in liquids]
+        viscous = (each if each.viscosity is not None else replace(each, viscosity=VISCOSITY) for each in forces)
+        return cls(tuple(viscous), tuple(liquid.density / density for liquid in liquids))
+
+    @cached_property
+    def native(self) -> list[native.LiquidParameters]:
+        """The coefficients of each for C++ code."""
+        return [each.parameters(mass) for each, mass in zip(self.forces, self.masses, strict=True)]
+
+    def masses_of(self, liquids: Tensor) -> np.ndarray:
+        """The mass (N,) float32 of each particle, from the number of its liquid (N,)."""
+        return np.asarray(self.masses, np.float32)[liquids.numpy()]
+
+    def __getstate__(self) -> dict[str, object]:
+        """The fields alone: cached native objects can be neither copied nor pickled."""
+        return without_native(self)
+
+
+def without_native(forces: LiquidForces | Mixture) -> dict[str, object]:
+    """The attributes of an object but its cached native ones."""
+    return {name: value for name, value in vars(forces).items() if name != "native"}

@@ -21,8 +21,8 @@ from surfsup.native.dispatch import tensors_requiring_grad
 from surfsup.scene import FRAME_TIME, PARTICLE_RADIUS
 from surfsup.scene.pose import Pose, between
 from surfsup.scene.solids import CONTAINER, MovingSolid, Solids
-from surfsup.sdf.edges import with_edges
 from surfsup.sph.boundary.boundary_map import BoundaryMap
+from surfsup.sph.collision_surface import for_collisions
 from surfsup.sph.native_query import PythonQuery, python_query
 from surfsup.sph.state import SUBSTEPS
 
@@ -58,7 +58,7 @@ class MovingBody:
     @cached_property
     def query(self) -> native.Solid | PythonQuery:
         """The signed distance for C++ code."""
-        surface = with_edges(self.solid.surface)
+        surface = for_collisions(self.solid.surface)
         return surface.native_solid() or python_query(surface)
 
     @cached_property

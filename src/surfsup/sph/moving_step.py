@@ -6,6 +6,8 @@ among solids that stand still (:mod:`surfsup.sph.fast_frames`): in a gap that cl
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import torch
 from torch import Tensor
 
@@ -53,10 +55,11 @@ def step_part(
     """The state after a part of a frame, and which particles (N,) collision handling moved."""
     frame = solver.step(state, environment, handle_collisions, part)
     if frame.finished:
-        return ParticleState(frame.positions, frame.velocities), frame.collided
+        return replace(state, positions=frame.positions, velocities=frame.velocities), frame.collided
     supplied = frame.outer_work + environment.supplied_energy
     positions, velocities = limit_energy_gain(state, frame.positions, frame.velocities, environment, part, supplied)
     if not handle_collisions:
-        return ParticleState(positions, velocities), frame.collided
-    result = resolve_collisions(state.positions, positions, velocities, environment)
-    return ParticleState(result.positions, result.velocities), result.collided
+        return replace(state, positions=positions, velocities=velocities), frame.collided
+    masses = environment.masses_of(state)
+    result = resolve_collisions(state.positions, positions, velocities, environment, masses=masses)
+    return replace(state, positions=result.positions, velocities=result.velocities), result.collided

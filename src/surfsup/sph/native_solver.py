@@ -24,7 +24,7 @@ from surfsup.sph.moving import no_query
 from surfsup.sph.native_query import native_query
 from surfsup.sph.neighbor_search import find_neighbors
 from surfsup.sph.stability import check_pairs, max_pairs
-from surfsup.sph.state import WHOLE_FRAME, FramePart, ParticleState
+from surfsup.sph.state import WHOLE_FRAME, FramePart, MixtureState, ParticleState
 
 
 @dataclass(frozen=True)
@@ -128,7 +128,9 @@ class NativeSolver:
         moving = None
         if environment.motion is not None:
             moving = environment.motion.native(*self._last_moving_queries(environment, count))
-        impulses = None if environment.impulses is None else environment.impulses.native(positions)
+        masses = environment.masses_of(state)
+        impulses = None if environment.impulses is None else environment.impulses.native(positions, masses)
+        liquid_of = state.liquids.numpy() if isinstance(state, MixtureState) else None
         result = self._solver(part).step(
             positions=positions,
             velocities=velocities,
@@ -147,7 +149,7 @@ class NativeSolver:
             record=record,
             moving=moving,
             impulses=impulses,
-            liquid=None if environment.liquid is None else environment.liquid.native,
+            liquids=None if environment.liquid is None else (environment.liquid.native, liquid_of),
             isa=self.isa,
             threads=torch.get_num_threads(),
             max_pairs=max_pairs(count, KERNEL_SUPPORT),

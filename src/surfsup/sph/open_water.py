@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
@@ -20,7 +20,7 @@ from surfsup.sph.collision import resolve_collisions
 from surfsup.sph.drains import DrainRegion
 from surfsup.sph.environment import Environment
 from surfsup.sph.simulator import Simulator
-from surfsup.sph.state import ParticleState
+from surfsup.sph.state import MixtureState, ParticleState
 from surfsup.sph.taps import CarrierMotion, Layer, Taps
 
 
@@ -81,13 +81,25 @@ class OpenState:
         if kept.all():
             return self
         rows = torch.from_numpy(np.flatnonzero(kept)).to(self.positions.device)
-        return replace(self, fluid=ParticleState(self.positions[rows], self.velocities[rows]), ids=self.ids[kept])
+        return replace(self, fluid=self.fluid.rows(rows), ids=self.ids[kept])
 
-    def extended(self, positions: np.ndarray, velocities: np.ndarray, ids: np.ndarray) -> OpenState:
-        """The state with more particles, whose ids are above all that were given before."""
-        fluid = ParticleState(
-            torch.cat([self.positions, like(self.positions, positions)]),
-            torch.cat([self.velocities, like(self.velocities, velocities)]),
+    def extended(
+        self, positions: np.ndarray, velocities: np.ndarray, ids: np.ndarray, liquids: Sequence[np.ndarray] = ()
+    ) -> OpenState:
+        """The state with more particles, whose ids are above all that were given before.
+
+        Args:
+            positions: (K, 3), meters.
+            velocities: (K, 3), m/s.
+            ids: (K,), ascending.
+            liquids: numbers of their liquids, together (K,); only those of a mixture count.
+        """
+        new = {"positions": positions, "velocities": velocities}
+        if isinstance(self.fluid, MixtureState):
+            new["liquids"] = np.concatenate(liquids)
+        fluid = replace(
+            self.fluid,
+            **{name: torch.cat([value, like(value, new[name])]) for name, value in vars(self.fluid).items()},
         )
         return replace(self, fluid=fluid, ids=np.concatenate([self.ids, ids]), next_id=int(ids[-1]) + 1)
 
@@ -129,6 +141,9 @@ class Passages:
             drains.append(DrainRegion(surface, start, until, drain.carrier))
         poses = carrier_poses(scene, solids, start_time)
         rest = {name: units.pose_to_solver(pose) for name, pose in poses.items()}
+        if mixture := scene.mixture:
+            numbers = [mixture.index(scene.liquid_of(tap)) for tap in scene.taps]
+            nozzles = [replace(nozzle, liquid=number) for nozzle, number in zip(nozzles, numbers, strict=True)]
         return cls(Taps(nozzles), tuple(drains), rest)
 
     def taken(self, before: np.ndarray, after: np.ndarray, end_time: float, motion: CarrierMotion) -> np.ndarray:
@@ -246,7 +261,7 @@ class WithTaps(Simulator[OpenState]):
                 index = torch.from_numpy(rows).to(positions.device)
                 positions[index] = like(positions, place[there])
                 velocities[index] = like(velocities, velocity[there])
-            state = replace(state, fluid=ParticleState(positions, velocities))
+            state = replace(state, fluid=replace(state.fluid, positions=positions, velocities=velocities))
         return replace(state, layers=layers)
 
     def _cleared(
@@ -275,7 +290,7 @@ class WithTaps(Simulator[OpenState]):
             result = resolve_collisions(before.positions[index], *new, environment)
             new = result.positions, result.velocities
         positions[index], velocities[index] = new
-        return replace(after, fluid=ParticleState(positions, velocities))
+        return replace(after, fluid=replace(after.fluid, positions=positions, velocities=velocities))
 
     def _kept(self, before: OpenState, after: OpenState, motion: CarrierMotion) -> np.ndarray:
         """Which particles (N,) no drain takes in a frame that begins with ``before``."""
@@ -291,7 +306,8 @@ class WithTaps(Simulator[OpenState]):
             return state
         parts = [self.passages.taps.place(layer, state.time, motion) for layer in layers]
         positions, velocities = (np.concatenate(values) for values in zip(*parts, strict=True))
-        extended = state.extended(positions, velocities, np.concatenate([layer.ids for layer in layers]))
+        liquids = [np.full(len(layer.ids), layer.nozzle.liquid, np.int32) for layer in layers]
+        extended = state.extended(positions, velocities, np.concatenate([layer.ids for layer in layers]), liquids)
         return replace(extended, layers=(*state.layers, *layers), drained=drained)
 
 
@@ -309,7 +325,7 @@ def common_particles(
     entered = np.concatenate([np.empty(0, np.int64), *fresh])
     device = after.positions.device
     rows = torch.from_numpy(np.concatenate([new_rows, rows_of(entered, after.ids)[0]])).to(device)
-    new = ParticleState(after.positions[rows], after.velocities[rows])
+    new = after.fluid.rows(rows)
     here = torch.from_numpy(old_rows).to(device)
     come = new.positions[len(ids) :] - FRAME_TIME * new.velocities[len(ids) :]
     old = ParticleState(

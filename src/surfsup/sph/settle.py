@@ -13,6 +13,7 @@ from surfsup.scene import SPACING, InitialParticles
 from surfsup.scene.strict_model import Vector
 from surfsup.sph.environment import Environment
 from surfsup.sph.solver import DfsphSolver
+from surfsup.sph.state import mixture_state
 
 # Mean kinetic energy in J/kg below which water counts as at rest: 1 cm/s, where a deep pool keeps 7 mm/s (measured).
 MAX_ENERGY = 5e-5
@@ -39,17 +40,29 @@ def settled(start: InitialParticles, environment: Environment, speed_unit: float
     moving = [number for number, settles in enumerate(start.settle) if settles]
     blocks = list(start.block_positions)
     ends = np.cumsum([len(blocks[number]) for number in moving])
-    positions = resting(np.concatenate([blocks[number] for number in moving]), environment, speed_unit)
+    of_mixture = moving if start.block_liquids else ()
+    liquids = [np.full(len(blocks[number]), start.block_liquids[number]) for number in of_mixture]
+    if len({int(values[0]) for values in liquids if len(values)}) < 2:
+        # One liquid rests where any does. The solver's own water gets there sooner than thin or viscous liquids.
+        environment, liquids = replace(environment, liquid=None), []
+    positions = resting(np.concatenate([blocks[number] for number in moving]), environment, speed_unit, liquids)
     for number, block in zip(moving, np.split(positions, ends[:-1]), strict=True):
         blocks[number] = block
     return without_overlaps(replace(start, block_positions=blocks, settle=()), moving, positions)
 
 
-def resting(positions: np.ndarray, environment: Environment, speed_unit: float) -> np.ndarray:
-    """Where particles at ``positions`` (N, 3) come to rest, (N, 3) float32."""
+def resting(
+    positions: np.ndarray, environment: Environment, speed_unit: float, liquids: Sequence[np.ndarray] = ()
+) -> np.ndarray:
+    """Where particles at ``positions`` (N, 3) come to rest, (N, 3) float32.
+
+    ``liquids``, together (N,), are the numbers of those of a mixture.
+    """
     solver = DfsphSolver()
     water = torch.from_numpy(positions).to(environment.lower.device)
     state = solver.initial_state(water, torch.zeros_like(water), environment)
+    if len(liquids):
+        state = mixture_state(state, np.concatenate(liquids))
     quiet, energy = 0, 0.0
     for _ in range(MAX_FRAMES):
         state, _ = solver.step(state, environment)
@@ -74,6 +87,7 @@ def without_overlaps(start: InitialParticles, settled_entries: Sequence[int], wa
     tree = cKDTree(water)
     blocks: list[np.ndarray] = []
     velocities: list[Vector | np.ndarray] = []
+    kept: list[int] = []
     excluded = start.excluded
     pairs = zip(start.block_positions, start.block_velocities, strict=True)
     for number, (block, velocity) in enumerate(pairs):
@@ -81,7 +95,9 @@ def without_overlaps(start: InitialParticles, settled_entries: Sequence[int], wa
         if number not in settled_entries:
             free = np.asarray(tree.query(block)[0]) > OVERLAP * SPACING
         if free.any():
+            kept.append(number)
             blocks.append(block[free])
             velocities.append(velocity[free] if isinstance(velocity, np.ndarray) else velocity)
         excluded += int((~free).sum())
-    return replace(start, block_positions=blocks, block_velocities=velocities, excluded=excluded)
+    liquids = [start.block_liquids[number] for number in kept if start.block_liquids]
+    return replace(start, block_positions=blocks, block_velocities=velocities, excluded=excluded, block_liquids=liquids)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, ClassVar
 
@@ -175,7 +175,7 @@ def finished(
 ) -> tuple[ParticleState, Tensor]:
     """The state after a frame in C++, and which particles (N,) were moved, with :func:`finish_step` where needed."""
     if frame.finished:
-        return ParticleState(frame.positions, frame.velocities), frame.collided
+        return replace(state, positions=frame.positions, velocities=frame.velocities), frame.collided
     return finish_step(
         state,
         frame.positions,
@@ -213,8 +213,8 @@ def finish_step(
     supplied = environment.supplied_energy + outer_work
     positions, velocities = limit_energy_gain(state, positions, velocities, environment, part, supplied)
     if not handle_collisions:
-        return ParticleState(positions, velocities), torch.zeros(
-            len(positions), dtype=torch.bool, device=positions.device
-        )
-    result = resolve_collisions(state.positions, positions, velocities, environment, last_query)
-    return ParticleState(result.positions, result.velocities), result.collided
+        unmoved = torch.zeros(len(positions), dtype=torch.bool, device=positions.device)
+        return replace(state, positions=positions, velocities=velocities), unmoved
+    masses = environment.masses_of(state)
+    result = resolve_collisions(state.positions, positions, velocities, environment, last_query, masses)
+    return replace(state, positions=result.positions, velocities=result.velocities), result.collided

@@ -13,7 +13,7 @@ from surfsup.sph.decompress import decompressed
 from surfsup.sph.environment import Environment
 from surfsup.sph.settle import settled
 
-MOVED = 0.1  # radii: water that is moved further on average before it begins is told of
+MOVED = 0.1  # radii: water that is moved further on average before it begins is reported
 CORNER_DISTANCE = (
     3.3  # radii from the walls of a corner to the first particle; nearer, a lattice is too dense (measured)
 )

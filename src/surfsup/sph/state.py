@@ -8,6 +8,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+import numpy as np
+import torch
 from torch import Tensor
 
 from surfsup.scene import FRAME_TIME
@@ -52,9 +54,29 @@ class ParticleState:
             self.velocities + seconds * gravity,
         )
 
+    def rows(self, index: Tensor) -> ParticleState:
+        """The state of the particles in the rows ``index`` (K,)."""
+        return replace(self, **{name: value[index] for name, value in vars(self).items()})
+
     def detach(self) -> ParticleState:
         """The same state without gradients."""
         return replace(self, **{name: value.detach() for name, value in vars(self).items()})
+
+
+@dataclass(frozen=True)
+class MixtureState(ParticleState):
+    """The particles of liquids that do not mix.
+
+    Attributes:
+        liquids: (N,) int32, the number of each particle's liquid among those of the environment.
+    """
+
+    liquids: Tensor
+
+
+def mixture_state(state: ParticleState, liquids: np.ndarray) -> MixtureState:
+    """The particles of a state, each with the number (N,) of its liquid."""
+    return MixtureState(state.positions, state.velocities, torch.from_numpy(np.asarray(liquids, np.int32)))
 
 
 def free_fall(gravity: Tensor, part: FramePart = WHOLE_FRAME) -> Tensor:

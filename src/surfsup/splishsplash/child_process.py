@@ -12,6 +12,7 @@ from __future__ import annotations
 import os
 import sys
 from types import ModuleType
+from typing import Any
 
 import numpy as np
 
@@ -38,21 +39,23 @@ def run(scene_file: str, frames: int, steps_per_frame: int, output: int) -> None
     )
     base.initSimulation()
     base.setValueFloat(base.STOP_AT, 1e9)
-    fluid = solver.Simulation.getCurrent().getFluidModel(0)
-    count = fluid.numActiveParticles()
+    simulation = solver.Simulation.getCurrent()
+    fluids = [Fluid(simulation.getFluidModel(number)) for number in range(simulation.numberOfFluidModels())]
+    count = sum(fluid.count for fluid in fluids)
     os.write(output, np.int64(count).tobytes())
     velocities = os.path.join(os.path.dirname(scene_file), VELOCITY_FILE)
     if os.path.exists(velocities):
-        order = np.array(fluid.getFieldBuffer("id"), copy=False)[:count]
-        np.array(fluid.getFieldBuffer("velocity"), copy=False)[:count] = np.load(velocities)[order]
+        ends = np.cumsum([fluid.count for fluid in fluids])
+        for fluid, values in zip(fluids, np.split(np.load(velocities), ends[:-1]), strict=True):
+            fluid.field("velocity")[:] = values[fluid.field("id")]
     step = 0
 
     def send_frame() -> None:
-        # The solver sorts its particles; a particle's id is its index at the start.
-        order = np.argsort(np.array(fluid.getFieldBuffer("id"), copy=False)[:count])
+        # The solver sorts the particles of each fluid; a particle's id is its index in it at the start.
         for field in ("position", "velocity"):
-            values = np.array(fluid.getFieldBuffer(field), copy=False)[:count]
-            write_all(output, values[order].astype(np.float32, copy=False).tobytes())
+            for fluid in fluids:
+                values = fluid.field(field)[np.argsort(fluid.field("id"))]
+                write_all(output, values.astype(np.float32, copy=False).tobytes())
 
     entering = Entering(solver, os.path.dirname(scene_file), count)
     motion_file = os.path.join(os.path.dirname(scene_file), "motions.npy")
@@ -76,6 +79,21 @@ def run(scene_file: str, frames: int, steps_per_frame: int, output: int) -> None
         base.setTimeStepCB(after_step)
         base.runSimulation()
     base.cleanup()
+
+
+class Fluid:
+    """The particles of a fluid.
+
+    Args:
+        model: of the solver.
+    """
+
+    def __init__(self, model: Any) -> None:
+        self._model, self.count = model, model.numActiveParticles()
+
+    def field(self, name: str) -> np.ndarray:
+        """The values (count, ...) of a field, which can be written."""
+        return np.array(self._model.getFieldBuffer(name), copy=False)[: self.count]
 
 
 class Entering:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import struct
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import zip_longest
 from pathlib import Path
 
@@ -14,7 +15,7 @@ from surfsup.scene import PARTICLE_RADIUS
 from surfsup.scene.strict_model import Vector
 from surfsup.sph.boundary.volume_map import VolumeMap
 from surfsup.sph.dfsph import VISCOSITY
-from surfsup.sph.liquid import LiquidForces
+from surfsup.sph.liquid import REST_DENSITY, LiquidForces, Mixture
 from surfsup.sph.state import SUBSTEP_TIME
 from surfsup.splishsplash.child_process import DRAINS_FILE, ENTERING_FILE, VELOCITY_FILE
 from surfsup.splishsplash.entering_water import EnteringWater
@@ -27,7 +28,7 @@ VOLUME_MAPS = 2
 DFSPH = 4
 FIXED_STEP = 0
 STANDARD_VISCOSITY, WEILER_VISCOSITY = 1, 6
-AKINCI_TENSION = 2
+AKINCI_TENSION, AKINCI_NAME = 2, "Akinci et al. 2013"
 
 VISCOSITY_ERROR = 1e-4  # of the conjugate gradients, relative to the velocities; by default 0.01
 
@@ -42,6 +43,26 @@ def implicit_viscosity(viscosity: float, at_solids: float) -> dict[str, object]:
     """The keys of a material whose viscosity in m²/s is that of Weiler et al. 2018."""
     coefficients = {"viscosity": viscosity, "viscosityBoundary": at_solids, "viscoMaxError": VISCOSITY_ERROR}
     return {"viscosityMethod": WEILER_VISCOSITY, "Weiler et al. 2018": coefficients}
+
+
+def materials(liquid: LiquidForces | Mixture | None) -> list[dict[str, object]]:
+    """The material of each liquid in the units of the solver; None for water as the solver has it."""
+    if not isinstance(liquid, Mixture):
+        return [material(liquid)]
+    return [
+        {**material(replaced(forces, 1 / mass)), "id": fluid_id(number), "density0": REST_DENSITY * mass}
+        for number, (forces, mass) in enumerate(zip(liquid.forces, liquid.masses, strict=True))
+    ]
+
+
+def fluid_id(number: int) -> str:
+    """The name of a liquid of a mixture. The solver sorts its fluids by their names."""
+    return f"Fluid {number:03d}"
+
+
+def replaced(forces: LiquidForces, factor: float) -> LiquidForces:
+    """A liquid with other coefficients of tension and adhesion, which the solver multiplies by a particle's mass."""
+    return replace(forces, surface_tension=factor * forces.surface_tension, adhesion=factor * forces.adhesion)
 
 
 def material(liquid: LiquidForces | None) -> dict[str, object]:
@@ -59,7 +80,7 @@ def surface_tension(liquid: LiquidForces) -> dict[str, object]:
     if not liquid.surface_tension and not liquid.adhesion:
         return {}
     coefficients = {"surfaceTension": liquid.surface_tension, "surfaceTensionBoundary": liquid.adhesion}
-    return {"surfaceTensionMethod": AKINCI_TENSION, "Akinci et al. 2013": coefficients}
+    return {"surfaceTensionMethod": AKINCI_TENSION, AKINCI_NAME: coefficients}
 
 
 def solver_scene(
@@ -68,7 +89,7 @@ def solver_scene(
     velocities: list[tuple[float, float, float]],
     map_files: list[str],
     motions: Sequence[SolidMotion | None] = (),
-    liquid: LiquidForces | None = None,
+    liquid: LiquidForces | Mixture | None = None,
 ) -> dict[str, object]:
     """The scene file of SPlisHSPlasH: DFSPH, a fixed time step, boundary volume maps.
 
@@ -78,7 +99,7 @@ def solver_scene(
         velocities: initial velocity of each block in m/s.
         map_files: volume maps beside the scene file, one for each boundary.
         motions: of each boundary, None for one that stands still.
-        liquid: None for water as the solver has it.
+        liquid: None for water as the solver has it; of a mixture every liquid has one block, in order.
     """
     bodies = [
         {
@@ -101,16 +122,16 @@ def solver_scene(
             "boundaryHandlingMethod": VOLUME_MAPS,
             "DFSPH": {"enableDivergenceSolver": True},
         },
-        "Materials": [material(liquid)],
+        "Materials": materials(liquid),
         "FluidModels": [
             {
-                "id": "Fluid",
+                "id": fluid_id(number) if isinstance(liquid, Mixture) else "Fluid",
                 "particleFile": file,
                 "translation": [0.0, 0.0, 0.0],
                 "scale": [1.0, 1.0, 1.0],
                 "initialVelocity": list(velocity),
             }
-            for file, velocity in zip(fluid_files, velocities, strict=True)
+            for number, (file, velocity) in enumerate(zip(fluid_files, velocities, strict=True))
         ],
         "RigidBodies": bodies,
     }
@@ -124,7 +145,7 @@ def write_job(
     boundaries: Sequence[VolumeMap],
     motions: Sequence[SolidMotion | None] = (),
     entering: EnteringWater | None = None,
-    liquid: LiquidForces | None = None,
+    liquid: LiquidForces | Mixture | None = None,
 ) -> Path:
     """Write the scene, the particles and the boundaries into ``folder``, which no other job uses.
 
@@ -136,7 +157,7 @@ def write_job(
         boundaries: volume maps, those of solids that move in their own frames.
         motions: of each boundary, None for one that stands still.
         entering: the water that enters and leaves.
-        liquid: None for water as the solver has it.
+        liquid: None for water as the solver has it; of a mixture every liquid has one block, in order.
 
     Returns:
         The scene file's path.

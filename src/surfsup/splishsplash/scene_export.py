@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import trimesh
 
-from surfsup.errors import InputError
 from surfsup.scene import Scene
 from surfsup.scene.solids import build_solids
 from surfsup.sph.dfsph import VISCOSITY
-from surfsup.sph.liquid import LiquidForces
+from surfsup.sph.liquid import REST_DENSITY, LiquidForces
 from surfsup.sph.state import SUBSTEP_TIME
+from surfsup.splishsplash.converted_scene import ConvertedScene
 from surfsup.splishsplash.emitters import FLOW_TOLERANCE, emitter_of
 from surfsup.splishsplash.job_files import (
     DFSPH,
@@ -24,6 +23,7 @@ from surfsup.splishsplash.job_files import (
     explicit_viscosity,
     implicit_viscosity,
     particle_file,
+    surface_tension,
 )
 
 RESOLUTION = 160  # cells of marching cubes along the longest side of a solid
@@ -32,48 +32,14 @@ MAX_MAP = 80  # nodes along a side
 MAX_MODELS = 50  # fluid models in a file
 
 
-@dataclass(frozen=True)
-class ExportedScene:
-    """A scene for SPlisHSPlasH, which is not written yet.
-
-    Attributes:
-        content: of the JSON file.
-        missing: what the scene has and the file does not, a phrase each.
-        out: the JSON file.
-        files: meshes and the bytes of particle files for the folder beside it, by path.
-    """
-
-    content: dict[str, object]
-    missing: list[str]
-    out: Path
-    files: Mapping[Path, trimesh.Trimesh | bytes]
-
-    def write(self) -> None:
-        """Write the scene and its files.
-
-        Raises:
-            InputError: nothing can be written there.
-        """
-        try:
-            for path, data in self.files.items():
-                path.parent.mkdir(parents=True, exist_ok=True)
-                if isinstance(data, trimesh.Trimesh):
-                    data.export(path)
-                else:
-                    path.write_bytes(data)
-            self.out.write_text(json.dumps(self.content, indent=1) + "\n")
-        except OSError as error:
-            raise InputError(f"{self.out}: cannot be written ({error.strerror})") from None
-
-
-def export_scene(scene: Scene, out: Path) -> ExportedScene:
+def export_scene(scene: Scene, out: Path) -> ConvertedScene:
     """Convert ``scene`` to the content of the file ``out`` and of a folder beside it, without writing anything.
 
     Raises:
         InputError: a file of the scene is unusable.
     """
     folder = out.with_name(f"{out.stem}-files")
-    files: dict[Path, trimesh.Trimesh | bytes] = {}
+    files: dict[Path, trimesh.Trimesh | np.ndarray | bytes] = {}
     missing = missing_in_file(scene)
     surface = build_solids(scene).at_time(scene.start_time)
     bodies = []
@@ -105,7 +71,7 @@ def export_scene(scene: Scene, out: Path) -> ExportedScene:
                 "initialVelocity": [float(value) for value in velocity],
             }
         )
-    material: dict[str, object] = {"id": "Fluid", "density0": scene.density, **viscosity_of(scene)}
+    material: dict[str, object] = {"id": "Fluid", "density0": scene.density, **liquid_of(scene)}
     content: dict[str, object] = {
         "Configuration": {
             "particleRadius": scene.particle_radius,
@@ -128,16 +94,23 @@ def export_scene(scene: Scene, out: Path) -> ExportedScene:
             tap.nozzle(scene.spacing).count(0.0, scene.start_time + scene.frames * scene.frame_time)
             for tap in scene.taps
         )
-    return ExportedScene(content, missing, out, files)
+    return ConvertedScene(json.dumps(content, indent=1) + "\n", missing, out, files)
 
 
-def viscosity_of(scene: Scene) -> dict[str, object]:
-    """The keys of a material for the viscosity of a scene, which its file has in the scene's own units."""
+def liquid_of(scene: Scene) -> dict[str, object]:
+    """The keys of a material for the liquid of a scene, which its file has in the scene's own units."""
     factor = scene.units.viscosity
     liquid = LiquidForces.of(scene.units.liquid_to_solver(scene.liquid))
-    if liquid is None or liquid.viscosity is None:
+    if liquid is None:
         return explicit_viscosity(factor * VISCOSITY)
-    return implicit_viscosity(factor * liquid.viscosity, factor * liquid.boundary_viscosity)
+    # A coefficient is the same for particles of every size, but its force grows with the density.
+    share = REST_DENSITY / scene.density
+    tension = surface_tension(
+        replace(liquid, surface_tension=share * liquid.surface_tension, adhesion=share * liquid.adhesion)
+    )
+    if liquid.viscosity is None:
+        return explicit_viscosity(factor * VISCOSITY) | tension
+    return implicit_viscosity(factor * liquid.viscosity, factor * liquid.boundary_viscosity) | tension
 
 
 def missing_in_file(scene: Scene) -> list[str]:
@@ -149,8 +122,6 @@ def missing_in_file(scene: Scene) -> list[str]:
         missing.append("motions of solids, which SPlisHSPlasH takes from a script only")
     if scene.drains:
         missing.append("drains")
-    if scene.liquid is not None and (scene.liquid.surface_tension or scene.liquid.adhesion):
-        missing.append("surface tension and adhesion")
     return missing
 
 

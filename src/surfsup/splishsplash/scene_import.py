@@ -23,49 +23,18 @@ from surfsup.scene.particle_file import read_particles
 from surfsup.scene.units import Units
 from surfsup.sdf import load_mesh
 from surfsup.sph.dfsph import VISCOSITY
-from surfsup.sph.liquid import NO_SLIP, VISCOSITY_FACTOR
+from surfsup.sph.liquid import ADHESION_OF_COEFFICIENT, NO_SLIP, REST_DENSITY, TENSION_OF_COEFFICIENT, VISCOSITY_FACTOR
+from surfsup.splishsplash.converted_scene import ConvertedScene
 from surfsup.splishsplash.emitters import FOREVER, PARTICLES, SPEED, closing_times, opening, turn_of
+from surfsup.splishsplash.job_files import AKINCI_NAME, AKINCI_TENSION
 
 Y_TO_Z = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])  # as `up: y` of a mesh
 DEFAULTS = {"particleRadius": 0.025, "gravitation": [0.0, -9.81, 0.0]}  # of SPlisHSPlasH
 TOLERANCE = 1e-6
+AKINCI_DEFAULTS = (0.05, 0.01)  # surface tension and adhesion
 SAME_VISCOSITY = ("Standard viscosity", "Weiler et al. 2018")  # methods whose coefficient is a viscosity in m²/s
 
 Json = Mapping[str, Any]
-
-
-@dataclass(frozen=True)
-class ImportedScene:
-    """A converted scene, which is not written yet.
-
-    Attributes:
-        text: the scene as YAML; paths are relative to the new file.
-        missing: what the scene has and ours does not, a phrase each.
-        out: the new file.
-        files: meshes and positions (N, 3) of particles for the folder beside it, by path.
-    """
-
-    text: str
-    missing: list[str]
-    out: Path
-    files: Mapping[Path, trimesh.Trimesh | np.ndarray]
-
-    def write(self) -> None:
-        """Write the scene and its files.
-
-        Raises:
-            InputError: nothing can be written there.
-        """
-        try:
-            for path, content in self.files.items():
-                path.parent.mkdir(parents=True, exist_ok=True)
-                if isinstance(content, trimesh.Trimesh):
-                    content.export(path)
-                else:
-                    np.save(path, content)
-            self.out.write_text(self.text, encoding="utf-8")
-        except OSError as error:
-            raise InputError(f"{self.out}: cannot be written ({error.strerror})") from None
 
 
 @dataclass(frozen=True)
@@ -103,9 +72,9 @@ class Converter:
     source: Path
     out: Path
     missing: list[str] = field(default_factory=list)
-    files: dict[Path, trimesh.Trimesh | np.ndarray] = field(default_factory=dict)
+    files: dict[Path, trimesh.Trimesh | np.ndarray | bytes] = field(default_factory=dict)
 
-    def convert(self, content: Json) -> ImportedScene:
+    def convert(self, content: Json) -> ConvertedScene:
         """Convert the whole scene.
 
         Raises:
@@ -127,7 +96,9 @@ class Converter:
         scene["gravity"] = placement.vector(gravity)
         densities = {float(material.get("density0", 1000)) for material in content.get("Materials", [])}
         density = {"density": densities.pop()} if len(densities) == 1 else {}
-        if liquid := self.liquid(content, scene["particle_radius"]):
+        liquid = self.liquid(content, scene["particle_radius"])
+        liquid |= self.surface_tension(content, scene["particle_radius"], density.get("density", REST_DENSITY))
+        if liquid:
             scene["liquid"] = {**liquid, **density}
         else:
             scene |= density
@@ -149,7 +120,7 @@ class Converter:
         text = yaml.safe_dump(scene, sort_keys=False, default_flow_style=None)
         Scene.from_yaml(text, str(self.source), self.out.parent)
         text = f"# Converted from {self.source.name} of SPlisHSPlasH.\n{text}"
-        return ImportedScene(text, self.missing, self.out, self.files)
+        return ConvertedScene(text, self.missing, self.out, self.files)
 
     def note_missing(self, content: Json, settings: Json) -> None:
         """Note what the scene has and ours does not. Settings of the solver and of pictures do not count."""
@@ -166,7 +137,6 @@ class Converter:
             self.missing.append(f"the script {settings['scriptFile']}")
         materials = content.get("Materials", [])
         for method, name in (
-            ("surfaceTensionMethod", "surface tension"),
             ("elasticityMethod", "elasticity"),
             ("vorticityMethod", "vorticity"),
             ("dragMethod", "drag of air"),
@@ -191,6 +161,27 @@ class Converter:
             return {}
         friction = min(1.0, at_solids / (NO_SLIP * viscosity))
         return {"viscosity": round(viscosity / VISCOSITY_FACTOR, 12), "friction": round(friction, 9)}
+
+    def surface_tension(self, content: Json, radius: float, density: float) -> dict[str, float]:
+        """Surface tension and adhesion of the materials; empty without both, or if their method is not ours."""
+        methods = {int(material.get("surfaceTensionMethod", 0)) for material in content.get("Materials", [])} - {0}
+        found = {tension_of(material) for material in content.get("Materials", [])}
+        if not methods:
+            return {}
+        if methods != {AKINCI_TENSION}:
+            self.missing.append(f"surface tension of another method than {AKINCI_NAME}")
+            return {}
+        if len(found) > 1:
+            self.missing.append("different surface tensions")
+            return {}
+        ((tension, adhesion),) = found
+        # Once, since the tension per density acts; twice, since their force grows with the density.
+        factor = Units(radius).tension * (density / REST_DENSITY) ** 2
+        values = {
+            "surface_tension": tension * TENSION_OF_COEFFICIENT * factor,
+            "adhesion": adhesion * ADHESION_OF_COEFFICIENT * factor,
+        }
+        return {key: round(value, 9) for key, value in values.items() if value}
 
     def box_of(self, body: Json, turn: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Lower and upper corner of the walls, with our axes.
@@ -322,7 +313,7 @@ class Converter:
         return str(absolute.relative_to(home)) if absolute.is_relative_to(home) else str(absolute)
 
 
-def import_scene(source: Path, out: Path) -> ImportedScene:
+def import_scene(source: Path, out: Path) -> ConvertedScene:
     """Convert the scene file ``source`` of SPlisHSPlasH to the text of the file ``out``, without writing anything.
 
     Meshes that are scaled along their axes, and particles, go into a folder beside ``out``.
@@ -369,6 +360,12 @@ def viscosity_of(material: Json) -> tuple[float, float, str] | None:
         if isinstance(values, dict) and "viscosity" in values:
             return float(values["viscosity"]), float(values.get("viscosityBoundary", 0)), name
     return None
+
+
+def tension_of(material: Json) -> tuple[float, float]:
+    """The coefficients of Akinci et al. for the surface tension of a material and for its adhesion to solids."""
+    values, (tension, adhesion) = material.get(AKINCI_NAME, {}), AKINCI_DEFAULTS
+    return float(values.get("surfaceTension", tension)), float(values.get("surfaceTensionBoundary", adhesion))
 
 
 def is_box(mesh: trimesh.Trimesh) -> bool:

@@ -60,6 +60,36 @@ def simulate(
         SolverError: the child process ended early.
         InputError: the solver or a library that it needs is not installed, or the surface is not near the container.
     """
+    if start.liquids is not None:
+        yield from simulate_mixture(scene, surface, start, start.liquids, threads)
+        return
+    yield from simulate_in_order(scene, surface, start, threads)
+
+
+def simulate_mixture(
+    scene: Scene, surface: Surface | None, start: InitialParticles, liquids: np.ndarray, threads: int
+) -> Generator[Frame, None, None]:
+    """:func:`simulate` for particles of several ``liquids`` (N,), each of which is a fluid of the solver.
+
+    Raises:
+        InputError: water enters or leaves, or a liquid has no particles.
+    """
+    if scene.is_open:
+        raise InputError("the reference takes several liquids without taps and drains only; omit these")
+    kinds = range(len(scene.mixture))
+    if missing := [kind for kind in kinds if not (liquids == kind).any()]:
+        raise InputError(f"liquid {missing[0]} has no particles, which the reference requires; omit it")
+    blocks, velocities = ([values[liquids == kind] for kind in kinds] for values in (start.positions, start.velocities))
+    place = np.argsort(np.argsort(liquids, kind="stable"), kind="stable")
+    by_liquid = InitialParticles(blocks, velocities, start.excluded, (), tuple(kinds))
+    for positions, speeds in simulate_in_order(scene, surface, by_liquid, threads):
+        yield positions[place], speeds[place]
+
+
+def simulate_in_order(
+    scene: Scene, surface: Surface | None, start: InitialParticles, threads: int
+) -> Generator[Frame, None, None]:
+    """:func:`simulate` for blocks in the order of the solver's fluids."""
     units = scene.units.around(scene, start)
     own_solids = replace(build_solids(scene) if scene.moves else Solids(surface), still=surface)
     own_solids.require_described()
@@ -93,7 +123,7 @@ def simulate_frames(
             maps,
             motions,
             entering,
-            LiquidForces.of(scene.liquid),
+            LiquidForces.of_scene(scene),
         )
         frames = run_child(scene_file, count, len(start.positions), threads, log, entering)
         with contextlib.closing(frames):

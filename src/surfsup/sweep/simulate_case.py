@@ -44,7 +44,7 @@ class WaterStatistics:
                 self.max_speed = max(self.max_speed, float(np.linalg.norm(frame.velocities, axis=1).max()))
                 self.center_height = center_height(frame.positions)
                 self.kinetic_energy = kinetic_energy(frame.velocities)
-            yield frame.positions, frame.velocities, frame.poses, frame.ids, frame.forces
+            yield frame.recorded
 
 
 def simulate_case(

@@ -19,10 +19,12 @@ class MovingMesh:
     Attributes:
         mesh: triangles in meters.
         poses: (frames, 7), position and quaternion w, x, y, z.
+        name: of the solid.
     """
 
     mesh: trimesh.Trimesh
     poses: np.ndarray
+    name: str = "solid"
 
     def at(self, frame: int) -> trimesh.Trimesh:
         """The triangles in the world at a frame."""
@@ -37,7 +39,7 @@ class MovingMesh:
 
     def scaled(self, factor: float) -> MovingMesh:
         """The same with all lengths times ``factor``."""
-        return MovingMesh(self.mesh.copy().apply_scale(factor), scaled_poses(self.poses, factor))
+        return MovingMesh(self.mesh.copy().apply_scale(factor), scaled_poses(self.poses, factor), self.name)
 
 
 def scaled_poses(poses: np.ndarray, factor: float) -> np.ndarray:

@@ -165,7 +165,10 @@ def shifted_particles(start: InitialParticles, shift: np.ndarray) -> InitialPart
     runs incomparable.
     """
     return InitialParticles(
-        [(block + shift).astype(np.float32) for block in start.block_positions], start.block_velocities, start.excluded
+        [(block + shift).astype(np.float32) for block in start.block_positions],
+        start.block_velocities,
+        start.excluded,
+        block_liquids=start.block_liquids,
     )
 
 
@@ -191,7 +194,9 @@ def simulate_shifted(original: Path, axis: int) -> float | None:
             ) as writer,
         ):
             for number, frame in enumerate(until_canceled(iter(simulation))):
-                writer.append(*with_ids(scene, *frame, simulation.solids.poses(number * scene.frame_time)))
+                writer.append(
+                    *with_ids(scene, *frame, simulation.solids.poses(number * scene.frame_time)), liquids=start.liquids
+                )
 
     try:
         with_retry(CheckedSimulation(scene, solids, start), write)

@@ -98,18 +98,19 @@ surfsup::MovingSolids moving_of(const std::optional<Moving>& moving, size_t coun
     return result;
 }
 
-// Sums of impulses (rows, 6), written to, and which of the still solids each particle is at (count); None where there is but
-// one.
+// Sums of impulses (rows, 6), written to; which of the still solids each particle is at (count), None where there is but one;
+// masses of the particles (count), None where all are 1.
 using ImpulseRows = Array<double, nb::shape<-1, surfsup::IMPULSE_ROW>>;
-using Impulses = std::tuple<ImpulseRows, std::optional<SmallIndices>>;
+using Impulses = std::tuple<ImpulseRows, std::optional<SmallIndices>, std::optional<Values>>;
 
 std::optional<surfsup::ImpulseSums> impulses_of(const std::optional<Impulses>& impulses, size_t count, bool solid,
                                                 size_t moving) {
     if (!impulses) return {};
-    const auto& [rows, still_solid] = *impulses;
+    const auto& [rows, still_solid, masses] = *impulses;
     const size_t others = 1 + moving + (solid ? 1 : 0);
     if (rows.shape(0) < others || (rows.shape(0) > others && !(solid && still_solid)))
         throw std::invalid_argument("the rows of the impulses do not fit the solids");
+    if (masses) expect(masses->shape(0), count, "masses");
     const auto still = static_cast<int32_t>(rows.shape(0) - 1 - moving);
     if (still_solid) {
         expect(still_solid->shape(0), count, "still_solid");
@@ -118,7 +119,37 @@ std::optional<surfsup::ImpulseSums> impulses_of(const std::optional<Impulses>& i
                 throw std::invalid_argument("there is no still solid of that number");
     }
     return surfsup::ImpulseSums{rows.data(), static_cast<int32_t>(rows.shape(0)), still,
-                                still_solid ? still_solid->data() : nullptr};
+                                still_solid ? still_solid->data() : nullptr, masses ? masses->data() : nullptr};
+}
+
+// The parameters of each liquid, and in a mixture which of them each particle has (count).
+using Liquids = std::tuple<std::vector<surfsup::LiquidParameters>, std::optional<SmallIndices>>;
+
+struct Mixture {
+    std::vector<surfsup::LiquidParameters> liquids;
+    const int32_t* liquid_of = nullptr;
+    std::vector<float> masses;
+};
+
+Mixture mixture_of(const std::optional<Liquids>& liquids, size_t count) {
+    if (!liquids) return {};
+    const auto& [parameters, liquid_of] = *liquids;
+    if (parameters.empty() || (parameters.size() > 1 && !liquid_of))
+        throw std::invalid_argument("the particles of a mixture need the numbers of their liquids");
+    Mixture mixture{parameters};
+    if (!liquid_of) return mixture;
+    expect(liquid_of->shape(0), count, "liquid_of");
+    mixture.liquid_of = liquid_of->data();
+    mixture.masses.reserve(count);
+    for (size_t i = 0; i < count; ++i) {
+        if (mixture.liquid_of[i] < 0 || static_cast<size_t>(mixture.liquid_of[i]) >= parameters.size())
+            throw std::invalid_argument("there is no liquid of that number");
+        mixture.masses.push_back(parameters[static_cast<size_t>(mixture.liquid_of[i])].mass);
+    }
+    for (const surfsup::LiquidParameters& liquid : parameters)
+        if (!liquid.implicit_viscosity || !(liquid.mass > 0))
+            throw std::invalid_argument("the liquids of a mixture have masses above zero, and implicit viscosities");
+    return mixture;
 }
 
 surfsup::StepResult step(surfsup::Solver& solver, Vectors positions, Vectors velocities, Vector gravity, Vector lower,
@@ -126,7 +157,7 @@ surfsup::StepResult step(surfsup::Solver& solver, Vectors positions, Vectors vel
                          bool handle_collisions, NewVectors query_positions, NewValues query_distance, NewVectors new_positions,
                          NewVectors new_velocities, NewFlags collided, const std::optional<Record>& record,
                          const std::optional<Moving>& moving, const std::optional<Impulses>& impulses,
-                         const surfsup::LiquidParameters* liquid, const std::string& isa, int threads, int64_t max_pairs) {
+                         const std::optional<Liquids>& liquids, const std::string& isa, int threads, int64_t max_pairs) {
     const size_t count = positions.shape(0);
     expect(velocities.shape(0), count, "velocities");
     expect(query_positions.shape(0), count, "query_positions");
@@ -136,9 +167,10 @@ surfsup::StepResult step(surfsup::Solver& solver, Vectors positions, Vectors vel
     expect(collided.shape(0), count, "collided");
     const surfsup::Isa& chosen = surfsup::isa_of(isa);
     const surfsup::SolidQuery query = solid_query(solid, chosen, threads);
-    if ((moving || liquid) && record) throw std::invalid_argument("a frame with moving solids or a liquid has no record");
+    if ((moving || liquids) && record) throw std::invalid_argument("a frame with moving solids or a liquid has no record");
     const surfsup::MovingSolids moving_solids = moving_of(moving, count, chosen, threads);
     const auto sums = impulses_of(impulses, count, static_cast<bool>(query), moving_solids.solids.size());
+    const Mixture mixture = mixture_of(liquids, count);
     const surfsup::Fluid fluid = {checked_count(count),
                                   positions.data(),
                                   velocities.data(),
@@ -151,7 +183,9 @@ surfsup::StepResult step(surfsup::Solver& solver, Vectors positions, Vectors vel
                                   boundary_map ? boundary_map->view(rotation.data()) : surfsup::BoundaryMapView{},
                                   moving ? &moving_solids : nullptr,
                                   sums ? &*sums : nullptr,
-                                  liquid};
+                                  mixture.liquids.empty() ? nullptr : mixture.liquids.data(),
+                                  mixture.liquid_of,
+                                  mixture.masses.empty() ? nullptr : mixture.masses.data()};
     const surfsup::SubstepRecord written = record_of(record, count);
     const nb::gil_scoped_release unlocked;
     return surfsup::step(solver, fluid, query, handle_collisions, {query_positions.data(), query_distance.data()},
@@ -198,26 +232,29 @@ void resolve_moving_collisions(Vectors before, NewVectors positions, NewVectors 
                                        moving_solids, frame_time, sums ? &*sums : nullptr);
 }
 
-double energy_gain(Vectors positions, Vectors velocities, Vectors new_positions, Vectors new_velocities, Vector gravity) {
+double energy_gain(Vectors positions, Vectors velocities, Vectors new_positions, Vectors new_velocities, Vector gravity,
+                   std::optional<Values> masses) {
     const size_t count = positions.shape(0);
     expect(velocities.shape(0), count, "velocities");
     expect(new_positions.shape(0), count, "new_positions");
     expect(new_velocities.shape(0), count, "new_velocities");
+    if (masses) expect(masses->shape(0), count, "masses");
     return surfsup::energy_gain(positions.data(), velocities.data(), new_positions.data(), new_velocities.data(),
-                                static_cast<int64_t>(count), gravity.data());
+                                static_cast<int64_t>(count), gravity.data(), masses ? masses->data() : nullptr);
 }
 
 void limit_energy_gain(Vectors positions, Vectors velocities, Vectors ballistic_positions, Vectors ballistic_velocities,
                        NewVectors new_positions, NewVectors new_velocities, Vector gravity, double max_gain,
-                       float max_delta_velocity, int halvings) {
+                       float max_delta_velocity, int halvings, std::optional<Values> masses) {
     const size_t count = positions.shape(0);
     for (const size_t rows : {velocities.shape(0), ballistic_positions.shape(0), ballistic_velocities.shape(0),
                               new_positions.shape(0), new_velocities.shape(0)})
         expect(rows, count, "an array of particles");
+    if (masses) expect(masses->shape(0), count, "masses");
     const nb::gil_scoped_release unlocked;
     surfsup::limit_energy_gain(positions.data(), velocities.data(), {ballistic_positions.data(), ballistic_velocities.data()},
                                new_positions.data(), new_velocities.data(), static_cast<int64_t>(count), gravity.data(),
-                               {max_gain, max_delta_velocity, halvings});
+                               masses ? masses->data() : nullptr, {max_gain, max_delta_velocity, halvings});
 }
 
 // Hands a vector over to NumPy.
@@ -244,10 +281,10 @@ void add_solver(nb::module_& module) {
     using surfsup::BoundaryParameters, surfsup::CollisionParameters, surfsup::SolverParameters, surfsup::StepResult;
     module.def("find_neighbor_pairs", find_neighbor_pairs, array("positions"), "radius"_a, "max_pairs"_a, "threads"_a);
     module.def("energy_gain", energy_gain, array("positions"), array("velocities"), array("new_positions"),
-               array("new_velocities"), array("gravity"));
+               array("new_velocities"), array("gravity"), array("masses").none() = nb::none());
     module.def("limit_energy_gain", limit_energy_gain, array("positions"), array("velocities"), array("ballistic_positions"),
                array("ballistic_velocities"), array("new_positions"), array("new_velocities"), array("gravity"), "max_gain"_a,
-               "max_delta_velocity"_a, "halvings"_a);
+               "max_delta_velocity"_a, "halvings"_a, array("masses").none() = nb::none());
     module.def("resolve_collisions", resolve_collisions, array("before"), array("positions"), array("velocities"),
                array("collided"), array("lower"), array("upper"), "parameters"_a, "solid"_a.none(),
                array("query_positions").none(), array("query_distance").none(), array("impulses").none(), "isa"_a, "threads"_a);
@@ -294,6 +331,7 @@ void add_solver(nb::module_& module) {
     using surfsup::LiquidParameters;
     nb::class_<LiquidParameters>(module, "LiquidParameters")
         .def(nb::init<>())
+        .def_rw("mass", &LiquidParameters::mass)
         .def_rw("implicit_viscosity", &LiquidParameters::implicit_viscosity)
         .def_rw("viscosity", &LiquidParameters::viscosity)
         .def_rw("friction", &LiquidParameters::friction)
@@ -311,6 +349,6 @@ void add_solver(nb::module_& module) {
         .def("step", step, nb::kw_only(), array("positions"), array("velocities"), array("gravity"), array("lower"),
              array("upper"), "boundary_map"_a.none(), array("rotation"), "solid"_a.none(), "handle_collisions"_a,
              array("query_positions"), array("query_distance"), array("new_positions"), array("new_velocities"),
-             array("collided"), array("record").none(), array("moving").none(), array("impulses").none(), "liquid"_a.none(),
-             "isa"_a, "threads"_a, "max_pairs"_a);
+             array("collided"), array("record").none(), array("moving").none(), array("impulses").none(),
+             array("liquids").none(), "isa"_a, "threads"_a, "max_pairs"_a);
 }

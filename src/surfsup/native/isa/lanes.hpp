@@ -214,6 +214,14 @@ inline void pick_four(const float* from, const int32_t* index, Floats& x, Floats
 #endif
 }
 
+// Gathers the fourth float of rows of ROW floats.
+template <int ROW>
+inline Floats fourth(const float* from, const int32_t* index) {
+    Floats x, y, z, w;
+    pick_four<ROW>(from, index, x, y, z, w);
+    return w;
+}
+
 #if defined(__AVX2__) && !defined(__AVX512F__)
 // For every lane mask the permutation that moves its lanes to the front.
 struct Fronts {

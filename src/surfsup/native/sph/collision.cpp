@@ -50,7 +50,7 @@ void resolve_collisions(const float* before, float* positions, float* velocities
     for (int axis = 0; axis < 3; ++axis)
         lower[axis] = container.lower[axis] + parameters.clearance, upper[axis] = container.upper[axis] - parameters.clearance;
     for (int64_t i = 0; i < count; ++i) {
-        VelocityWatch watch(impulses, positions + 3 * i, velocities + 3 * i);
+        VelocityWatch watch(impulses, i, positions + 3 * i, velocities + 3 * i);
         collided[i] = contain(positions + 3 * i, velocities + 3 * i, lower, upper);
         if (collided[i]) watch.add_to(0);
     }
@@ -71,7 +71,7 @@ void resolve_collisions(const float* before, float* positions, float* velocities
             const float depth = parameters.clearance - query.distance[k];
             if (!(depth > parameters.tolerance)) continue;
             const int64_t i = active[k];
-            VelocityWatch watch(impulses, positions + 3 * i, velocities + 3 * i);
+            VelocityWatch watch(impulses, i, positions + 3 * i, velocities + 3 * i);
             project(positions + 3 * i, velocities + 3 * i, depth, query.normal.data() + 3 * k);
             if (impulses) watch.add_to(impulses->still_row(i));
             contain(positions + 3 * i, velocities + 3 * i, lower, upper);
@@ -86,14 +86,14 @@ void resolve_collisions(const float* before, float* positions, float* velocities
     for (size_t k = 0; k < active.size(); ++k) {
         if (!(query.distance[k] < 0)) continue;
         const int64_t i = active[k];
-        VelocityWatch watch(impulses, positions + 3 * i, velocities + 3 * i);
+        VelocityWatch watch(impulses, i, positions + 3 * i, velocities + 3 * i);
         for (int64_t at = 3 * i, end = at + 3; at < end; ++at) positions[at] = before[at], velocities[at] = 0;
         if (impulses) watch.add_to(impulses->still_row(i));
     }
 }
 
 double energy_gain(const float* positions, const float* velocities, const float* new_positions, const float* new_velocities,
-                   int64_t count, const float* gravity) {
+                   int64_t count, const float* gravity, const float* masses) {
     double gain = 0;
     for (int64_t i = 0; i < 3 * count; i += 3) {
         float kinetic = 0, work = 0;
@@ -102,17 +102,19 @@ double energy_gain(const float* positions, const float* velocities, const float*
             kinetic += 0.5f * (after - before) * (after + before);
             work += (new_positions[i + axis] - positions[i + axis]) * gravity[axis];
         }
-        gain += kinetic - work;
+        gain += masses ? masses[i / 3] * (kinetic - work) : kinetic - work;
     }
-    return count ? gain / static_cast<double>(count) : 0;
+    return count ? gain / total_mass(masses, count) : 0;
 }
 
 void limit_energy_gain(const float* positions, const float* velocities, const Ballistic& ballistic, float* new_positions,
-                       float* new_velocities, int64_t count, const float* gravity, const EnergyLimit& limit) {
+                       float* new_velocities, int64_t count, const float* gravity, const float* masses,
+                       const EnergyLimit& limit) {
     const std::vector<float> after(new_positions, new_positions + 3 * count), fast(new_velocities, new_velocities + 3 * count);
     float bound = limit.max_delta_velocity;
     for (int halving = 0; halving < limit.halvings; ++halving) {
-        if (!(energy_gain(positions, velocities, new_positions, new_velocities, count, gravity) > limit.max_gain)) return;
+        if (!(energy_gain(positions, velocities, new_positions, new_velocities, count, gravity, masses) > limit.max_gain))
+            return;
         bound /= 2;
         for (int64_t i = 0; i < 3 * count; i += 3) {
             float delta[3];
@@ -127,7 +129,7 @@ void limit_energy_gain(const float* positions, const float* velocities, const Ba
             }
         }
     }
-    if (!(energy_gain(positions, velocities, new_positions, new_velocities, count, gravity) > limit.max_gain)) return;
+    if (!(energy_gain(positions, velocities, new_positions, new_velocities, count, gravity, masses) > limit.max_gain)) return;
     std::copy(ballistic.positions, ballistic.positions + 3 * count, new_positions);
     std::copy(ballistic.velocities, ballistic.velocities + 3 * count, new_velocities);
 }

@@ -35,9 +35,17 @@ void resolve_collisions(const float* before, float* positions, float* velocities
                         const Container& container, const CollisionParameters& parameters, const SolidQuery& solid,
                         const LastQuery* last_query, const ImpulseSums* impulses);
 
-// Mechanical energy that a frame adds, mean J/kg, see sph/energy.py.
+// The mass of particles with `masses` (count); null for masses of 1.
+inline double total_mass(const float* masses, int64_t count) {
+    if (!masses) return static_cast<double>(count);
+    double total = 0;
+    for (int64_t i = 0; i < count; ++i) total += masses[i];
+    return total;
+}
+
+// Mechanical energy that a frame adds, mean J/kg, see sph/energy.py. `masses` are null where all are equal.
 double energy_gain(const float* positions, const float* velocities, const float* new_positions, const float* new_velocities,
-                   int64_t count, const float* gravity);
+                   int64_t count, const float* gravity, const float* masses);
 
 // The energy limiter, see sph/energy.py.
 struct EnergyLimit {
@@ -53,6 +61,7 @@ struct Ballistic {
 
 // Shortens in place the changes against free fall that add too much energy.
 void limit_energy_gain(const float* positions, const float* velocities, const Ballistic& ballistic, float* new_positions,
-                       float* new_velocities, int64_t count, const float* gravity, const EnergyLimit& limit);
+                       float* new_velocities, int64_t count, const float* gravity, const float* masses,
+                       const EnergyLimit& limit);
 
 }  // namespace surfsup

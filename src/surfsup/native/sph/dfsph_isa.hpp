@@ -33,8 +33,8 @@ struct NeighborSums {
     float kernel, gradient[3], squared_gradient, approach, viscous[3], velocity_difference[3];
 };
 
-// With RECORD also the sums for a correcting network.
-template <bool RECORD>
+// With RECORD also the sums for a correcting network. In a MIXTURE squared gradients are divided by the neighbors' masses.
+template <bool RECORD, bool MIXTURE>
 inline NeighborSums sum_neighbors(const Frame& frame, int32_t i) {
     const SolverParameters& p = *frame.parameters;
     const Neighbors& neighbors = frame.neighbors[i];
@@ -43,8 +43,8 @@ inline NeighborSums sum_neighbors(const Frame& frame, int32_t i) {
     Floats value{}, gradient_x{}, gradient_y{}, gradient_z{}, squares{}, approach{}, viscous_x{}, viscous_y{}, viscous_z{};
     Floats difference_x{}, difference_y{}, difference_z{};
     for (int32_t k = 0; k < neighbors.padded_count; k += LANES) {
-        Floats x, y, z, vx, vy, vz, unused;
-        pick_four<MOTION_ROW>(frame.motion, neighbors.indices + k, x, y, z, unused);
+        Floats x, y, z, vx, vy, vz, inverse_mass, unused;
+        pick_four<MOTION_ROW>(frame.motion, neighbors.indices + k, x, y, z, inverse_mass);
         pick_four<MOTION_ROW>(frame.motion + 4, neighbors.indices + k, vx, vy, vz, unused);
         x = (x - position[0]) * shrink, y = (y - position[1]) * shrink, z = (z - position[2]) * shrink;
         vx -= velocity[0], vy -= velocity[1], vz -= velocity[2];
@@ -53,7 +53,7 @@ inline NeighborSums sum_neighbors(const Frame& frame, int32_t i) {
         value += kernels.value;
         gradient_x += kernels.gradient_factor * x, gradient_y += kernels.gradient_factor * y,
             gradient_z += kernels.gradient_factor * z;
-        squares += kernels.steepness * kernels.steepness;
+        squares += MIXTURE ? kernels.steepness * kernels.steepness * inverse_mass : kernels.steepness * kernels.steepness;
         const Floats rate = kernels.gradient_factor * (x * vx + y * vy + z * vz);
         const Floats friction = rate * reciprocal(kernels.squared_distance + p.viscosity_softening);
         approach += rate;
@@ -91,8 +91,9 @@ inline void record_substep(const SubstepRecord& record, int64_t caller, const fl
     record.density_rate[caller] = density_rate;
 }
 
-// Densities at the positions of a substep, and the pressures against the density rate and the predicted density error.
-template <bool RECORD, bool MOVING>
+// Densities at the positions of a substep, and the pressures against the density rate and the predicted density error. In a
+// MIXTURE a pressure is that per mass times the mass, which is continuous across the boundary of two liquids.
+template <bool RECORD, bool MOVING, bool MIXTURE>
 inline void compute_pressures_of(const Frame& frame, int substep, int32_t begin, int32_t end) {
     const SolverParameters& p = *frame.parameters;
     const float scale = p.gradient_scale(), time = p.substep_time(), elapsed = static_cast<float>(substep) * time;
@@ -101,7 +102,7 @@ inline void compute_pressures_of(const Frame& frame, int substep, int32_t begin,
         const int64_t caller = frame.order[i];
         if (substep == 0 && !frame.liquid) work = initial_work(frame, caller);
         const float *position = frame.motion + MOTION_ROW * static_cast<int64_t>(i), *velocity = position + 4;
-        const NeighborSums sums = sum_neighbors<RECORD>(frame, i);
+        const NeighborSums sums = sum_neighbors<RECORD, MIXTURE>(frame, i);
         float boundary_gradient[3], solid_rate = 0.0f;
         const float boundary =
             boundary_density<MOVING>(frame, caller, position, work.min_solid_distance, boundary_gradient, solid_rate);
@@ -116,8 +117,9 @@ inline void compute_pressures_of(const Frame& frame, int substep, int32_t begin,
             density_rate -= solid_rate;
             frame.moving->solid_rate[i] = solid_rate;
         }
-        const float squared_gradient =
-            dot(work.density_gradient, work.density_gradient) + scale * scale * sums.squared_gradient;
+        const float mass = MIXTURE ? frame.masses[i] : 1.0f;
+        const float of_neighbors = MIXTURE ? mass * sums.squared_gradient : sums.squared_gradient;
+        const float squared_gradient = dot(work.density_gradient, work.density_gradient) + scale * scale * of_neighbors;
         const float dfsph_factor = squared_gradient > p.min_squared_gradient ? 1.0f / squared_gradient
                                    : squared_gradient != squared_gradient    ? squared_gradient
                                                                              : 0.0f;
@@ -133,6 +135,7 @@ inline void compute_pressures_of(const Frame& frame, int substep, int32_t begin,
         float* pressure = frame.pressure + PRESSURE_ROW * static_cast<int64_t>(i);
         std::memcpy(pressure, position, 3 * sizeof(float));
         pressure[3] = dfsph_factor * (divergence_source + p.density_relaxation * positive_part(density_source));
+        if constexpr (MIXTURE) pressure[3] *= mass;
         if constexpr (RECORD)
             record_substep(frame.record, caller, position, work.density_gradient, sums, boundary, boundary_gradient,
                            density_error, density_rate);
@@ -141,12 +144,16 @@ inline void compute_pressures_of(const Frame& frame, int substep, int32_t begin,
 
 void compute_pressures(const Frame& frame, int substep, int32_t begin, int32_t end) {
     const bool record = frame.record.kernel_sums && substep == frame.parameters->substeps - 1;
-    if (frame.moving)
-        compute_pressures_of<false, true>(frame, substep, begin, end);
+    if (frame.masses && frame.moving)
+        compute_pressures_of<false, true, true>(frame, substep, begin, end);
+    else if (frame.masses)
+        compute_pressures_of<false, false, true>(frame, substep, begin, end);
+    else if (frame.moving)
+        compute_pressures_of<false, true, false>(frame, substep, begin, end);
     else if (record)
-        compute_pressures_of<true, false>(frame, substep, begin, end);
+        compute_pressures_of<true, false, false>(frame, substep, begin, end);
     else
-        compute_pressures_of<false, false>(frame, substep, begin, end);
+        compute_pressures_of<false, false, false>(frame, substep, begin, end);
 }
 
 // The velocity that its own pressure and its neighbors' remove from a particle.
@@ -177,6 +184,8 @@ void apply_pressures(const Frame& frame, int substep, int32_t begin, int32_t end
         float removed[3];
         pressure_velocity(frame, i, removed);
         float *position = frame.motion + MOTION_ROW * static_cast<int64_t>(i), *velocity = position + 4, square = 0.0f;
+        if (frame.masses)
+            for (float& component : removed) component *= position[3];
         for (int axis = 0; axis < 3; ++axis) {
             const float change = time * work.viscous_acceleration[axis] - removed[axis];
             work.delta_velocity[axis] += change;

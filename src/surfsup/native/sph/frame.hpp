@@ -19,8 +19,8 @@ struct Neighbors {
 };
 
 // Floats of a particle in a row that a vector load reads at once.
-constexpr int MOTION_ROW = 8;    // position, 0, velocity, 0
-constexpr int PRESSURE_ROW = 4;  // position, pressure
+constexpr int MOTION_ROW = 8;    // position, inverse mass in a mixture, velocity, 0
+constexpr int PRESSURE_ROW = 4;  // position, pressure; in a mixture times the mass
 
 // State of a particle within a frame.
 struct ParticleWork {
@@ -86,6 +86,7 @@ struct Frame {
     float *new_positions, *new_velocities;
     const MovingFrame* moving;  // nullptr where nothing moves
     const LiquidFrame* liquid;  // nullptr for the solver's own water
+    const float* masses;        // of sorted particles in a mixture; nullptr where all are 1
     SubstepRecord record;       // of the last substep; null pointers for none
 
     // In sorted order. `motion` and `pressure` have one more row, for the padding particle.

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "runtime/threads.hpp"
+#include "sph/collision.hpp"
 
 namespace surfsup {
 namespace {
@@ -19,8 +20,13 @@ inline void times_symmetric(const float* matrix, const float* r, float* z) {
 
 }  // namespace
 
-void LiquidSolver::begin(const LiquidParameters& parameters, Frame& frame, const Isa& isa, int threads) {
-    parameters_ = parameters, isa_ = &isa, threads_ = threads, count_ = frame.count;
+void LiquidSolver::begin(const LiquidParameters* parameters, const int32_t* liquid_of, Frame& frame, const Isa& isa,
+                         int threads) {
+    isa_ = &isa, threads_ = threads, count_ = frame.count;
+    mass_ = total_mass(frame.masses, count_);
+    attracts_ = false;
+    for (int32_t i = 0; i < (liquid_of ? count_ : 1); ++i)
+        attracts_ = attracts_ || parameters[liquid_of ? liquid_of[i] : 0].attracts();
     forget_work();
     const auto count = static_cast<size_t>(count_);
     rows_.resize(LIQUID_ROW * (count + 1));
@@ -31,8 +37,8 @@ void LiquidSolver::begin(const LiquidParameters& parameters, Frame& frame, const
     std::fill_n(padding, 3, FAR_AWAY);
     padding[3] = 1.0f;
     std::fill_n(padding + 4, 4, 0.0f);
-    liquid_ = {&parameters_,   rows_.data(),     friction_.data(), inverse_diagonal_.data(), start_.data(),
-               change_.data(), solution_.data(), residual_.data(), product_.data()};
+    liquid_ = {parameters,    liquid_of,      rows_.data(),     friction_.data(), inverse_diagonal_.data(),
+               start_.data(), change_.data(), solution_.data(), residual_.data(), product_.data()};
     frame.liquid = &liquid_;
 }
 
@@ -51,26 +57,28 @@ double LiquidSolver::kinetic_energy(const Frame& frame, int substep) {
     const float elapsed = static_cast<float>(substep) * frame.parameters->substep_time();
     const double total = sum_of([&](int32_t begin, int32_t end) {
         double sum = 0;
-        for (int32_t i = begin; i < end; ++i)
+        for (int32_t i = begin; i < end; ++i) {
+            const double half = 0.5 * (frame.masses ? frame.masses[i] : 1.0f);
             for (int axis = 0; axis < 3; ++axis) {
                 const double v = frame.motion[MOTION_ROW * static_cast<int64_t>(i) + 4 + axis] + elapsed * frame.gravity[axis];
-                sum += 0.5 * v * v;
+                sum += half * v * v;
             }
+        }
         return sum;
     });
-    return total / count_;
+    return total / mass_;
 }
 
 void LiquidSolver::advance(Frame& frame, int substep) {
     const double before = kinetic_energy(frame, substep);
     sum_of([&](int32_t begin, int32_t end) { return isa_->measure_liquid(frame, substep, begin, end), 0.0; });
-    if (parameters_.attracts()) {
+    if (attracts_) {
         sum_of([&](int32_t begin, int32_t end) { return isa_->find_surface_normals(frame, begin, end), 0.0; });
         sum_of([&](int32_t begin, int32_t end) { return isa_->apply_tension(frame, begin, end), 0.0; });
     }
     const double attracted = kinetic_energy(frame, substep);
     work_ += attracted - before;
-    if (!parameters_.implicit_viscosity) return;
+    if (!liquid_.parameters->implicit_viscosity) return;
     solve_viscosity(frame, substep);
     if (frame.moving) work_ += std::max(0.0, kinetic_energy(frame, substep) - attracted);
 }
@@ -81,6 +89,11 @@ void LiquidSolver::solve_viscosity(Frame& frame, int substep) {
     const float time = frame.parameters->substep_time(), elapsed = static_cast<float>(substep) * time;
     const auto at = [](int32_t i) { return 3 * static_cast<int64_t>(i); };
     const auto direction = [&](int32_t i) { return &rows_[static_cast<size_t>(LIQUID_ROW) * static_cast<size_t>(i) + 4]; };
+    if (frame.masses)
+        for (int32_t i = 0; i < count_; ++i) {
+            const LiquidParameters& own = liquid_.parameters[liquid_.liquid_of[i]];
+            direction(i)[3] = own.mass * own.viscosity;
+        }
     const auto multiply = [&] {
         return sum_of([&](int32_t begin, int32_t end) { return isa_->multiply_viscosity(frame, begin, end); });
     };
@@ -103,8 +116,10 @@ void LiquidSolver::solve_viscosity(Frame& frame, int substep) {
         for (int32_t i = begin; i < end; ++i) {
             float* r = liquid_.residual + at(i);
             const float* moved = liquid_.friction + FRICTION_ROW * static_cast<int64_t>(i) + SYMMETRIC;
-            for (int axis = 0; axis < 3; ++axis)
-                r[axis] = liquid_.start[at(i) + axis] + time * moved[axis] - liquid_.product[at(i) + axis];
+            for (int axis = 0; axis < 3; ++axis) {
+                const float start = liquid_.start[at(i) + axis], momentum = frame.masses ? frame.masses[i] * start : start;
+                r[axis] = momentum + time * moved[axis] - liquid_.product[at(i) + axis];
+            }
             times_symmetric(liquid_.inverse_diagonal + SYMMETRIC * static_cast<int64_t>(i), r, direction(i));
             for (int axis = 0; axis < 3; ++axis) sum += static_cast<double>(r[axis]) * direction(i)[axis];
         }
@@ -118,8 +133,8 @@ void LiquidSolver::solve_viscosity(Frame& frame, int substep) {
         });
     };
     squared = square_of_residual();
-    const double enough = static_cast<double>(parameters_.tolerance) * parameters_.tolerance * count_;
-    for (int iteration = 0; iteration < parameters_.max_iterations && squared > enough; ++iteration) {
+    const double enough = static_cast<double>(liquid_.parameters->tolerance) * liquid_.parameters->tolerance * count_;
+    for (int iteration = 0; iteration < liquid_.parameters->max_iterations && squared > enough; ++iteration) {
         ++iterations_;
         const double length = product / multiply();
         if (!std::isfinite(length)) break;
@@ -155,13 +170,15 @@ void LiquidSolver::solve_viscosity(Frame& frame, int substep) {
     // With its residual the solution is what the pair forces of the solution make of the start: momentum is conserved however
     // early the iterations end.
     sum_of([&](int32_t begin, int32_t end) {
-        for (int32_t i = begin; i < end; ++i)
+        for (int32_t i = begin; i < end; ++i) {
+            const float mass = frame.masses ? frame.masses[i] : 1.0f;
             for (int axis = 0; axis < 3; ++axis) {
                 const int64_t k = at(i) + axis;
-                liquid_.change[k] = liquid_.solution[k] + liquid_.residual[k] - liquid_.start[k];
+                liquid_.change[k] = liquid_.solution[k] + liquid_.residual[k] / mass - liquid_.start[k];
                 frame.motion[MOTION_ROW * static_cast<int64_t>(i) + 4 + axis] += liquid_.change[k];
                 frame.work[i].delta_velocity[axis] += liquid_.change[k];
             }
+        }
         return 0.0;
     });
 }

@@ -14,8 +14,9 @@ namespace surfsup {
 
 class LiquidSolver {
 public:
-    // Begins a frame; `frame` must outlive it. Afterwards its `liquid` is set.
-    void begin(const LiquidParameters& parameters, Frame& frame, const Isa& isa, int threads);
+    // Begins a frame; `frame` must outlive it. Afterwards its `liquid` is set. In a mixture the parameters are an array, and
+    // `liquid_of` holds their number for each sorted particle; otherwise it is null.
+    void begin(const LiquidParameters* parameters, const int32_t* liquid_of, Frame& frame, const Isa& isa, int threads);
     // Changes the velocities of the particles at the start of a substep.
     void advance(Frame& frame, int substep);
     // Adds the impulses of this substep on solids and walls.
@@ -34,7 +35,8 @@ private:
     double kinetic_energy(const Frame& frame, int substep);
 
     LiquidFrame liquid_{};
-    LiquidParameters parameters_{};
+    double mass_ = 0;
+    bool attracts_ = false;
     const Isa* isa_ = nullptr;
     int threads_ = 1;
     int32_t count_ = 0;

@@ -185,7 +185,7 @@ void resolve_moving_collisions(const float* before, float* positions, float* vel
     }
     for (int32_t i = 0; i < count; ++i) {
         const int64_t at = 3 * static_cast<int64_t>(i);
-        VelocityWatch watch(impulses, positions + at, velocities + at);
+        VelocityWatch watch(impulses, i, positions + at, velocities + at);
         if (!walls.contain(positions + at, velocities + at)) continue;
         watch.add_to(0);
         collided[i] = true;
@@ -207,7 +207,7 @@ void resolve_moving_collisions(const float* before, float* positions, float* vel
                 }
                 const float depth = parameters.clearance - query.distance[k];
                 if (!(depth > parameters.tolerance)) continue;
-                VelocityWatch watch(impulses, position, velocity);
+                VelocityWatch watch(impulses, i, position, velocity);
                 float wall[3] = {0, 0, 0};
                 if (obstacle.moves) obstacle.end.velocity(position, wall);
                 for (int axis = 0; axis < 3; ++axis) velocity[axis] -= wall[axis];
@@ -232,7 +232,7 @@ void resolve_moving_collisions(const float* before, float* positions, float* vel
             if (!(query.distance[k] < 0)) continue;
             // It stays where it was in the frame of the solid, and moves with it.
             const int64_t at = 3 * static_cast<int64_t>(projected[k]);
-            VelocityWatch watch(impulses, positions + at, velocities + at);
+            VelocityWatch watch(impulses, projected[k], positions + at, velocities + at);
             std::copy_n(before + at, 3, positions + at);
             std::fill_n(velocities + at, 3, 0.0f);
             if (obstacle.moves) {

@@ -72,10 +72,24 @@ bool Solver::prepare(const Fluid& fluid, Frame& frame) {
         frame.wall_cell[axis] = size / std::max(1.0f, std::nearbyint(size / parameters_.boundary.wall_cell));
     }
     frame.boundary_map = fluid.boundary_map;
+    if (fluid.masses) sort_mixture(fluid, order, frame);
     frame.neighbors = neighbors_.data();
     frame.work = work_.data();
     frame.motion = motion_.data(), frame.pressure = pressure_.data();
     return finite;
+}
+
+// The liquid and the mass of each sorted particle.
+void Solver::sort_mixture(const Fluid& fluid, const int32_t* order, Frame& frame) {
+    const auto count = static_cast<size_t>(fluid.count);
+    masses_.resize(count);
+    liquid_of_.resize(count);
+    for (size_t i = 0; i < count; ++i) {
+        liquid_of_[i] = fluid.liquid_of[order[i]];
+        masses_[i] = fluid.masses[order[i]];
+        motion_[static_cast<size_t>(MOTION_ROW) * i + 3] = 1.0f / masses_[i];
+    }
+    frame.masses = masses_.data();
 }
 
 int64_t Solver::find_neighbors(const Frame& frame, const Isa& isa, int threads, int64_t max_pairs) {
@@ -120,11 +134,11 @@ void Solver::place_moving(const MovingSolids& moving, int substep, MovingFrame& 
 
 // The pressure p of a particle changes its velocity by -p times the boundary's density gradient. The work of a solid is that
 // impulse times the solid's velocity.
-void Solver::add_solid_work(int32_t count) {
+void Solver::add_solid_work(int32_t count, double mass) {
     double work = 0;
     for (size_t i = 0; i < static_cast<size_t>(count); ++i)
         work -= pressure_[static_cast<size_t>(PRESSURE_ROW) * i + 3] * solid_rate_[i];
-    solid_work_ += work / count;
+    solid_work_ += work / mass;
 }
 
 // Adds the impulses of the present pressures. Every portion of the particles has a sum of its own, so that the result does not
@@ -160,7 +174,7 @@ int64_t Solver::advance(const Fluid& fluid, float* positions, float* velocities,
     liquid_.forget_work();
     if (fluid.liquid) {
         if (fluid.liquid->implicit_viscosity) frame.parameters = &without_viscosity_;
-        liquid_.begin(*fluid.liquid, frame, isa, workers);
+        liquid_.begin(fluid.liquid, fluid.masses ? liquid_of_.data() : nullptr, frame, isa, workers);
     }
     for (int substep = 0; substep < parameters_.substeps; ++substep) {
         if (fluid.moving) place_moving(*fluid.moving, substep, moving);
@@ -173,7 +187,7 @@ int64_t Solver::advance(const Fluid& fluid, float* positions, float* velocities,
         if (fluid.impulses) add_impulses(frame, isa, workers, *fluid.impulses);
         in_parallel(workers, fluid.count, portion,
                     [&](int, int32_t begin, int32_t end) { isa.apply_pressures(frame, substep, begin, end); });
-        if (fluid.moving) add_solid_work(fluid.count);
+        if (fluid.moving) add_solid_work(fluid.count, total_mass(fluid.masses, fluid.count));
     }
     return finite ? pairs : -1;
 }

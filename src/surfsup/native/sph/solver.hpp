@@ -24,7 +24,9 @@ struct Fluid {
     BoundaryMapView boundary_map;
     const MovingSolids* moving;      // nullptr where nothing moves
     const ImpulseSums* impulses;     // nullptr where they are not requested
-    const LiquidParameters* liquid;  // nullptr for the solver's own water
+    const LiquidParameters* liquid;  // nullptr for the solver's own water, an array of those of a mixture
+    const int32_t* liquid_of;        // of each particle in a mixture: the number of its liquid; otherwise nullptr
+    const float* masses;             // (count) in a mixture, otherwise nullptr
 };
 
 class Solver {
@@ -45,9 +47,10 @@ public:
 
 private:
     bool prepare(const Fluid& fluid, Frame& frame);
+    void sort_mixture(const Fluid& fluid, const int32_t* order, Frame& frame);
     int64_t find_neighbors(const Frame& frame, const Isa& isa, int threads, int64_t max_pairs);
     void place_moving(const MovingSolids& moving, int substep, MovingFrame& placed);
-    void add_solid_work(int32_t count);
+    void add_solid_work(int32_t count, double mass);
     void add_impulses(const Frame& frame, const Isa& isa, int threads, const ImpulseSums& sums);
 
     SolverParameters parameters_, without_viscosity_;
@@ -55,7 +58,8 @@ private:
     std::mutex stepping_;
     CellList cells_;
     AlignedFloats midpoints_, x_, y_, z_, motion_, pressure_;
-    AlignedFloats solid_rate_;
+    AlignedFloats solid_rate_, masses_;
+    std::vector<int32_t> liquid_of_;
     std::vector<MovingBoundary> moving_boundaries_;
     RigidStep moving_walls_{};
     double solid_work_ = 0;

@@ -41,8 +41,8 @@ StepResult step(Solver& solver, Fluid fluid, const SolidQuery& solid, bool handl
     const int64_t pairs = solver.advance(fluid, state.positions, state.velocities, record, isa, threads, max_pairs);
     if (pairs < 0 || pairs > max_pairs) return {pairs, 0, false};
     const double work = solver.outer_work();
-    const double gain =
-        energy_gain(fluid.positions, fluid.velocities, state.positions, state.velocities, fluid.count, fluid.gravity);
+    const double gain = energy_gain(fluid.positions, fluid.velocities, state.positions, state.velocities, fluid.count,
+                                    fluid.gravity, fluid.masses);
     if (gain - work > parameters.max_energy_gain) return {pairs, work, false};
     if (handle_collisions && fluid.moving)
         resolve_moving_collisions(fluid.positions, state.positions, state.velocities, state.collided, fluid.count,

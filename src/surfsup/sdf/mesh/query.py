@@ -43,7 +43,20 @@ class MeshQuery:
             self.tree = igl.AABB()
             self.tree.init(self.vertices, self.faces)
         self.extent = float(np.ptp(self.vertices, axis=0).max())
-        self.face_normals, self.vertex_normals = normals_of(self.vertices, self.faces)
+
+    @cached_property
+    def _normals(self) -> tuple[np.ndarray, np.ndarray]:
+        return normals_of(self.vertices, self.faces)
+
+    @property
+    def face_normals(self) -> np.ndarray:
+        """Of the triangles, (F, 3)."""
+        return self._normals[0]
+
+    @property
+    def vertex_normals(self) -> np.ndarray:
+        """Of the vertices, (V, 3), of the triangles around each by their angles."""
+        return self._normals[1]
 
     def __reduce__(self) -> tuple[type[MeshQuery], tuple[np.ndarray, np.ndarray]]:
         return MeshQuery, (self.vertices, self.faces)  # libigl's trees cannot be copied or pickled

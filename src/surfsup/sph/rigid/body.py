@@ -44,6 +44,17 @@ class BodyState:
     acceleration: np.ndarray
     angular_acceleration: np.ndarray
 
+    @property
+    def motion(self) -> np.ndarray:
+        """All but the pose, in this order, in one array (12,)."""
+        return np.concatenate([self.velocity, self.angular_velocity, self.acceleration, self.angular_acceleration])
+
+    @classmethod
+    def of(cls, pose: Pose, motion: np.ndarray) -> BodyState:
+        """The state with a pose and all others in one array (12,)."""
+        velocity, spin, acceleration, turning = np.split(np.asarray(motion, np.float64), 4)
+        return cls(pose, velocity, spin, acceleration, turning)
+
 
 @dataclass(frozen=True)
 class AxleMotion:
@@ -87,6 +98,7 @@ class Body:
         points: (K, 3) on its surface, in its frame.
         radius: the largest distance of a point from the center of mass, meters.
         axle: the axis that it turns about, or None.
+        passes: names of what it turns through, such as a post on its axle.
 
     Raises:
         InputError: the surface has no volume.
@@ -105,6 +117,7 @@ class Body:
         virtual = 8 / 3 * fluid_density * radius**3
         self.share = self.mass.mass / (self.mass.mass + virtual)
         self.virtual_inertia = 2 / 5 * virtual * radius**2 * np.eye(3)
+        self.passes: set[str] = set()
         self.axle = None if solid.body.axle is None else AxleMotion.of(solid.body.axle, self.center(solid.pose(0.0)))
 
     def start(self) -> BodyState:
@@ -129,6 +142,18 @@ class Body:
         assert self.axle is not None
         arm = np.cross(self.axle.axis, self.center(pose) - self.axle.point)
         return float(self.axle.axis @ self.inertia(pose) @ self.axle.axis + self.mass.mass * (arm @ arm))
+
+    def inverse_mass(self, pose: Pose) -> np.ndarray:
+        """What an impulse and its moment about the center of mass (6,) change in velocity and spin, (6, 6).
+
+        On an axle they change the turn alone, and with it the velocity of the center.
+        """
+        if self.axle is not None:
+            turn = np.concatenate([self.axle.velocity(self.axle.axis, self.center(pose)), self.axle.axis])
+            return np.outer(turn, turn) / self._inertia_about_axle(pose)
+        inverse = np.zeros((6, 6))
+        inverse[:3, :3], inverse[3:, 3:] = np.eye(3) / self.mass.mass, np.linalg.inv(self.inertia(pose))
+        return inverse
 
     def accelerated(self, state: BodyState, gravity: np.ndarray, time: float) -> BodyState:
         """The state with the velocities after ``time`` seconds, still at its pose."""

@@ -13,12 +13,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from surfsup.scene.pose import Pose
+from surfsup.scene.solids import CONTAINER
 from surfsup.sph.rigid.body import Body, BodyState
 
 FRICTION = 0.3
 ITERATIONS = 12
 MAX_CONTACTS = 12  # of a pair
 RECOVERY = 0.2  # of a penetration that a frame removes
+MIN_RESPONSE = 1e-9  # of the largest response to an impulse, below which a contact cannot move its body
 
 
 @dataclass(frozen=True)
@@ -29,11 +31,13 @@ class Obstacle:
         distance_and_normal: signed distance (N,) and normal (N, 3) at points (N, 3) of the world.
         velocity: (N, 3) at points (N, 3), m/s; of a rigid body those of ``body``.
         body: number of the rigid body that it is, or None.
+        name: of the surface.
     """
 
     distance_and_normal: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
     velocity: Callable[[np.ndarray], np.ndarray] | None = None
     body: int | None = None
+    name: str = CONTAINER
 
 
 def at_rest(points: np.ndarray) -> np.ndarray:
@@ -72,7 +76,7 @@ class Contacts:
             points = state.pose.apply(body.points)
             reach = np.linalg.norm(state.velocity) + np.linalg.norm(state.angular_velocity) * body.radius
             for obstacle in obstacles:
-                if obstacle.body == number:
+                if obstacle.body == number or obstacle.name in body.passes:
                     continue
                 distance, normal = obstacle.distance_and_normal(points)
                 speed = np.zeros_like(points) if obstacle.velocity is None else obstacle.velocity(points)
@@ -98,16 +102,16 @@ class Contacts:
         rows, allowed = np.concatenate(self._rows), np.concatenate(self._allowed)
         inverse = np.zeros((rows.shape[1], rows.shape[1]))
         for number, (body, state) in enumerate(zip(self._bodies, self._states, strict=True)):
-            inverse[6 * number : 6 * number + 3, 6 * number : 6 * number + 3] = np.eye(3) / body.mass.mass
-            inverse[6 * number + 3 : 6 * number + 6, 6 * number + 3 : 6 * number + 6] = np.linalg.inv(
-                body.inertia(state.pose)
-            )
+            own = slice(6 * number, 6 * number + 6)
+            inverse[own, own] = body.inverse_mass(state.pose)
         velocities = np.concatenate([self.velocity, self.spin], axis=1).reshape(-1)
         missing = allowed - rows @ velocities
         if (missing[::3] <= 0).all():
             return
         response = rows @ inverse @ rows.T
-        scale, impulses = 1 / np.diag(response), np.zeros(len(rows))
+        # Nothing moves a body on an axle along the axle: such a contact stays as it is.
+        diagonal, impulses = np.diag(response), np.zeros(len(rows))
+        scale = np.divide(1, diagonal, out=np.zeros_like(diagonal), where=diagonal > MIN_RESPONSE * diagonal.max())
         for _ in range(ITERATIONS):
             for k in range(len(rows)):
                 value = impulses[k] + scale[k] * (missing[k] - response[k] @ impulses)
