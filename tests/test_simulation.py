@@ -91,10 +91,15 @@ def test_a_learned_simulator_runs_by_its_name():
     assert np.isfinite(frame.positions).all()
 
 
-@pytest.mark.parametrize(("seconds", "fps"), [(0, 24), (-1, 24), (1, 0), (1, -24), (1, 201), (float("inf"), 24)])
+@pytest.mark.parametrize(("seconds", "fps"), [(0, 24), (-1, 24), (1, 0), (1, -24), (1, 201)])
 def test_times_out_of_range_are_refused(seconds, fps):
     with pytest.raises(InputError, match="seconds must be above 0 and fps above 0 and at most 200"):
         simulation_of().run(seconds, fps)
+
+
+def test_times_that_are_no_numbers_are_refused():
+    with pytest.raises(InputError, match="seconds and fps are numbers up to"):
+        simulation_of().run(float("inf"), 24)
 
 
 def test_an_unknown_simulator_is_refused():
@@ -195,7 +200,7 @@ def test_another_gravity_acts_from_the_next_step_on_and_stays():
     )
     simulation.reset()
     np.testing.assert_array_equal(simulation.step().velocities, fallen.velocities)
-    with pytest.raises(InputError, match="three finite numbers"):
+    with pytest.raises(InputError, match="gravity is three numbers of m/s²"):
         simulation.set_gravity((0.0, float("nan"), 0.0))
 
 
