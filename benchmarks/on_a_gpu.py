@@ -2,11 +2,11 @@
 
     python benchmarks/on_a_gpu.py [--device cuda] [--particles 3000 30000 ...] [--frames 50] [--time 600]
 
-First it advances each of 50 states of 3,000 particles that strike a ball by one frame, and compares with the C++ code
-on the CPU. Then, for every size, it simulates the scene of against_solver.py on the device, without copies to the host,
-and prints milliseconds a frame, peak memory, and the least memory traffic of a frame (see `least_traffic`) as a share
-of the device's copy speed, which is measured in the same run. A size is left out if it would probably exceed `--time`
-seconds in all.
+First it advances each of 50 states of 3,000 particles that strike a ball, a mesh or a neural surface by one frame, and
+compares with the C++ code on the CPU. Then, for every size, it simulates the scene of against_solver.py on the device,
+without copies to the host, and prints milliseconds a frame, peak memory, and the least memory traffic of a frame (see
+`least_traffic`) as a share of the device's copy speed, which is measured in the same run. A size is left out if it
+would probably exceed `--time` seconds in all.
 
 On a GPU the results are written to `benchmarks/results/on_a_gpu.json`. `--device cpu` tries all of it on Warp's CPU
 device and writes nothing.
@@ -22,7 +22,7 @@ import torch
 
 from against_solver import scene_of
 from record import write_result
-from surfsup.errors import SimulationError
+from surfsup.errors import InputError
 from surfsup.sph.device import choose_device
 from surfsup.sph.environment import Environment
 from surfsup.sph.solver import DfsphSolver
@@ -30,6 +30,7 @@ from surfsup.sph.state import SUBSTEPS, ParticleState
 from surfsup.sph.warp_engine.solver import WarpSolver
 
 EQUAL_FRAMES, EQUAL_PARTICLES = 50, 3_000
+SOLIDS = ("ball", "knot", "coral")  # a closed form, a mesh, a network
 IMPACT = 20  # frames before those that are compared
 WARM_UP = 3  # frames before those that are timed; the first is recorded
 SIZES = (3_000, 30_000, 300_000, 1_000_000, 3_000_000, 10_000_000)
@@ -37,19 +38,19 @@ COPIED_FLOATS = {"cuda": 2**28, "cpu": 2**24}
 FLOAT = 4  # bytes
 
 
-def start_of(particles: int, device: str) -> tuple[ParticleState, Environment]:
+def start_of(particles: int, device: str, solid: str = "ball") -> tuple[ParticleState, Environment]:
     """The particles at the scene's start, and its environment, on the device."""
-    scene = scene_of(particles, 1)
+    scene = scene_of(particles, 1, solid)
     surface = scene.build_surface()
     start = scene.initial_particles(surface)
     state = (torch.from_numpy(values).to(device) for values in (start.positions, start.velocities))
     return ParticleState(*state), Environment.of(scene, surface, device)
 
 
-def largest_difference(device: str) -> float:
+def largest_difference(device: str, solid: str) -> float:
     """The largest distance in meters after a frame on the device and in C++ from the same state."""
-    state, by_cpu = start_of(EQUAL_PARTICLES, "cpu")
-    _, there = start_of(EQUAL_PARTICLES, device)
+    state, by_cpu = start_of(EQUAL_PARTICLES, "cpu", solid)
+    _, there = start_of(EQUAL_PARTICLES, device, solid)
     solver, on_device, largest = DfsphSolver(), WarpSolver(), 0.0
     for frame in range(IMPACT + EQUAL_FRAMES):
         after, _ = solver.step(state, by_cpu)
@@ -116,8 +117,12 @@ def main() -> None:
     on_gpu = torch.device(device).type == "cuda"
     name = torch.cuda.get_device_name(device) if on_gpu else device
     print(name, flush=True)
-    difference = largest_difference(device)
-    print(f"{EQUAL_FRAMES} frames from equal states: {difference:.1e} m from C++ on the CPU at most", flush=True)
+    differences = {}
+    for solid in SOLIDS:
+        differences[solid] = largest_difference(device, solid)
+        print(
+            f"{solid}, {EQUAL_FRAMES} frames from equal states: {differences[solid]:.1e} m from C++ at most", flush=True
+        )
     speed = copy_speed(device)
     print(f"copy speed {speed / 1e9:.0f} GB/s", flush=True)
     rows: list[dict[str, Any]] = []
@@ -129,7 +134,7 @@ def main() -> None:
             continue
         try:
             row = measure(particles, arguments.frames, device)
-        except SimulationError as error:
+        except InputError as error:
             print(f"{particles} particles: {error}", flush=True)
             break
         cost = (time.perf_counter() - began - elapsed) / row["particles"]
@@ -153,7 +158,7 @@ def main() -> None:
             "the least memory traffic at the device's copy speed",
             round(best["substeps"] / best["share"] / 1e6, 1),
             "python benchmarks/on_a_gpu.py",
-            values={"device": name, "difference_m": difference, "copy_gb_per_s": speed / 1e9, "sizes": rows},
+            values={"device": name, "difference_m": differences, "copy_gb_per_s": speed / 1e9, "sizes": rows},
         )
 
 

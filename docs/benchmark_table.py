@@ -39,6 +39,8 @@ ROWS = (
     "physics_drop",
     "honey_speed",
     "oil_and_water",
+    "start_up",
+    "design_bowl",
     "live",
     "thin_cup",
     "dam_break",

@@ -20,15 +20,16 @@ import surfsup as sf
 from surfsup.io.trajectory import Provenance, TrajectoryWriter
 
 RADIUS, WALL, HEIGHT = 0.11, 0.02, 0.3  # meters: of the inside of the cup
+SIDE = 0.18  # meters: of the arm beside the plane in which the cup moves
 BOWL = 0.82, 0.23  # meters: where the bowl is along x, and its radius
 SMOOTHING = 0.2  # of a new force in the mean that the arm gets: a frame of water alone is too noisy
 ARM = f"""
 <mujoco>
   <option timestep="0.0005" gravity="0 0 -9.81" integrator="implicitfast"/>
   <worldbody>
-    <body pos="0 0 0.75">
+    <body name="arm" pos="0 0 0.75">
       <joint name="shoulder" axis="0 -1 0" damping="4"/>
-      <geom type="capsule" fromto="0 0 0 0.5 0 0" size="0.03" mass="2"/>
+      <geom type="capsule" fromto="0 {SIDE} 0 0.5 {SIDE} 0" size="0.03" mass="2"/>
       <body name="cup" pos="0.5 0 0">
         <joint name="wrist" axis="0 1 0" damping="1"/>
         <geom type="cylinder" size="{RADIUS + WALL} {HEIGHT / 2}" mass="1"/>
@@ -55,6 +56,22 @@ surfaces:
         at: [0, 0, {WALL + 0.5}]
     at: [0.5, 0, 0.75]
     motion: {{keyframes: [{{time: 0}}]}}
+  arm:
+    union:
+      - cylinder: {{radius: 0.03, height: 0.56}}
+        rotate: {{axis: [0, 1, 0], degrees: 90}}
+        at: [0.25, {SIDE}, 0]
+      - cylinder: {{radius: 0.05, height: 0.09}}                  # shoulder and wrist
+        rotate: {{axis: [1, 0, 0], degrees: 90}}
+        at: [0, {SIDE}, 0]
+      - cylinder: {{radius: 0.025, height: {SIDE - RADIUS - WALL + 0.02}}}
+        rotate: {{axis: [1, 0, 0], degrees: 90}}
+        at: [0.5, {(SIDE + RADIUS + WALL) / 2}, 0]
+    at: [0, 0, 0.75]
+    motion: {{keyframes: [{{time: 0}}]}}
+  post:
+    cylinder: {{radius: 0.045, height: 0.75}}
+    at: [0, {SIDE + 0.09}, 0.375]
 fluid:
   - fill: {{below: {0.75 + 0.08}, seed: [0.5, 0, 0.72], settle: true}}
 forces: [cup]
@@ -87,7 +104,7 @@ class RobotWithWater:
     def __init__(self) -> None:
         self.model = mujoco.MjModel.from_xml_string(ARM)
         self.data = mujoco.MjData(self.model)
-        self.cup = mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_BODY, "cup")
+        self.arm, self.cup = (mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_BODY, name) for name in ("arm", "cup"))
         self.simulation = sf.Simulation(sf.Scene.from_yaml(SCENE, "robot"), device="cpu")
         self.substeps = round(self.simulation.scene.units.frame_time / self.model.opt.timestep)
         self.model.opt.timestep = self.simulation.scene.units.frame_time / self.substeps
@@ -104,7 +121,8 @@ class RobotWithWater:
             data.xfrc_applied[self.cup] = np.concatenate([self.force, self.torque])
             mujoco.mj_step(self.model, data)
         mujoco.mj_forward(self.model, data)
-        self.simulation.set_pose("cup", data.xpos[self.cup], data.xquat[self.cup])
+        for name, number in (("arm", self.arm), ("cup", self.cup)):
+            self.simulation.set_pose(name, data.xpos[number], data.xquat[number])
         frame = self.simulation.step()
         force, torque = frame.forces["cup"]
         self.force = (1 - SMOOTHING) * self.force + SMOOTHING * force

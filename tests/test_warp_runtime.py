@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import pytest
 import torch
 
-from surfsup.errors import SimulationError
+from surfsup.errors import InputError
 from surfsup.sph.warp_engine.solver import bytes_per_particle
 from surfsup.warp_runtime import (
     driver_problem,
@@ -18,7 +18,7 @@ from surfsup.warp_runtime import (
 
 FRAME = """
 import torch
-from surfsup.errors import SimulationError
+from surfsup.errors import InputError
 from surfsup.sph.environment import Environment
 from surfsup.sph.solver import DfsphSolver
 from surfsup.sph.state import ParticleState
@@ -29,7 +29,7 @@ solver.native = None
 try:
     solver.step(ParticleState(torch.zeros(1, 3), torch.zeros(1, 3)), environment)
     print("stepped")
-except SimulationError as error:
+except InputError as error:
     print(error)
 """
 
@@ -54,7 +54,7 @@ def test_a_cache_that_cannot_be_written_is_one_line_with_the_way_out(tmp_path):
 
 @pytest.mark.skipif(torch.cuda.is_available(), reason="there is a GPU")
 def test_a_gpu_that_is_not_there_is_one_line_with_the_way_out():
-    with pytest.raises(SimulationError, match=r"cannot run on the device 'cuda:0' \(.*\); try --device cpu$"):
+    with pytest.raises(InputError, match=r"cannot run on the device 'cuda:0' \(.*\); try --device cpu$"):
         start("cuda:0")
 
 
@@ -78,7 +78,7 @@ def test_a_kernel_that_does_not_compile_is_one_line():
 
     broken = SimpleNamespace(module=BrokenModule())
     start("cpu")
-    with pytest.raises(SimulationError, match=r"'cpu' \(CPU kernel build failed with error code 1\); install"):
+    with pytest.raises(InputError, match=r"'cpu' \(CPU kernel build failed with error code 1\); install"):
         load_kernels([broken], "cpu")
 
 
@@ -87,12 +87,17 @@ def test_too_little_memory_says_how_many_particles_would_fit(monkeypatch):
     needed = bytes_per_particle(torch.float32, with_gradient=False)
     with (
         pytest.raises(
-            SimulationError,
+            InputError,
             match=r"too little memory for 20000000 particles; about \d+ would fit; use fewer, or --device cpu",
         ),
         memory_errors(20_000_000, needed, torch.device("cuda:0")),
     ):
         raise RuntimeError("Failed to allocate 5120000000 bytes on device 'cuda:0'")
+    with (
+        pytest.raises(InputError, match=r"the device 'cpu' has too little memory for 9 particles; use fewer$"),
+        memory_errors(9, needed, torch.device("cpu")),
+    ):
+        raise RuntimeError("[enforce fail] DefaultCPUAllocator: can't allocate memory: you tried to allocate 40 bytes")
     with pytest.raises(RuntimeError, match="another"), memory_errors(1, needed, torch.device("cpu")):
         raise RuntimeError("another")
 

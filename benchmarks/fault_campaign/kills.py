@@ -129,7 +129,8 @@ def unreadable(folder: Path) -> str:
     """The first file under a final name that is not complete."""
     for path in sorted(folder.rglob("*")):
         reader = READERS.get(path.suffix)
-        if reader is None or not path.is_file() or path.name.startswith(".") or ".new" in path.name:
+        partial = any(part.startswith(".") for part in path.relative_to(folder).parts) or ".new" in path.name
+        if reader is None or not path.is_file() or partial:
             continue
         try:
             reader(path)

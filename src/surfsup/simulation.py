@@ -18,8 +18,9 @@ from surfsup.io.trajectory import Provenance, TrajectoryWriter
 from surfsup.learned.loading import DEFAULT_SIMULATOR, load_simulator
 from surfsup.scene import FRAME_TIME, InitialParticles, Scene
 from surfsup.scene.liquid import Liquid
-from surfsup.scene.pose import NO_ROTATION, Pose, between
+from surfsup.scene.pose import NO_ROTATION, Pose, between, numbers
 from surfsup.scene.solids import Solids
+from surfsup.scene.strict_model import MAX_SPEED
 from surfsup.scene.tap_checks import check_taps_and_drains
 from surfsup.scene.taps import Tap
 from surfsup.scene.wrench import Wrench
@@ -41,6 +42,7 @@ from surfsup.sph.state import MixtureState, ParticleState, mixture_state
 from surfsup.sph.thin_walls import ThinWallWarning, thin_wall_warning
 
 COUPLINGS = 5  # of rigid bodies and water in a frame
+MAX_SECONDS = 1e9
 NO_FORCES: Mapping[str, Wrench] = {}
 
 
@@ -240,7 +242,6 @@ class Simulation:
             state = replace(state, fluid=open_fluid(state))
         self._state = state
 
-    @torch.no_grad()
     def step(self) -> Frame:
         """Advance by a frame of the simulator and return the particles.
 
@@ -249,15 +250,20 @@ class Simulation:
         Raises:
             SimulationError: the simulation failed: particles are at infinity or collapsed into a clump.
         """
+        self._step()
+        return self.frame
+
+    @torch.no_grad()
+    def _step(self) -> None:
+        """As :meth:`step`, without copies of the particles."""
         if not self._free(self._state):
             self._state = self._advance(self._state, 1.0, self._state.frame + 1)
-            return self.frame
+            return
         state, forces = self._state, MeanForces()
         for part in range(1, COUPLINGS + 1):
             state = self._advance(state, 1 / COUPLINGS, self._state.frame + part / COUPLINGS)
             forces.add(part, state.forces)
         self._state = replace(state, frame=self._state.frame + 1, forces=forces.mean(0, COUPLINGS))
-        return self.frame
 
     def _free(self, state: SimulationState) -> dict[str, BodyState]:
         """The rigid bodies that move freely."""
@@ -321,12 +327,12 @@ class Simulation:
         """Let another gravity (3,) in m/s² act from the next step on; :meth:`reset` keeps it.
 
         Raises:
-            InputError: it is not three finite numbers.
+            InputError: it is not three finite numbers, or too large.
         """
-        vector = np.array(gravity, np.float32)
-        if vector.shape != (3,) or not np.isfinite(vector).all():
-            raise InputError(f"gravity is three finite numbers of m/s² (found {gravity})")
-        self._gravity = torch.from_numpy(vector).to(self._device)
+        vector = numbers(gravity)
+        if vector.shape != (3,) or not (np.abs(vector) <= MAX_SPEED).all():
+            raise InputError(f"gravity is three numbers of m/s², at most {MAX_SPEED:g} (found {gravity})")
+        self._gravity = torch.from_numpy(vector.astype(np.float32)).to(self._device)
         self._environment = replace(self._environment, gravity=self._gravity)
 
     def set_viscosity(self, viscosity: float | None) -> None:
@@ -413,6 +419,9 @@ class Simulation:
         """The steps in ``seconds``, and those from frame to frame; see :meth:`run`."""
         frame_time = self._units.frame_time
         rate = self.scene.fps if fps is None else fps
+        for value in (seconds, rate):
+            if value is not None and not (isinstance(value, int | float | np.number) and abs(value) <= MAX_SECONDS):
+                raise InputError(f"seconds and fps are numbers up to {MAX_SECONDS:g} (found {value!r})")
         interval = 1.0 if rate is None else 1 / (rate * frame_time) if rate > 0 else math.inf
         steps = self.scene.frames * interval if seconds is None else seconds / frame_time
         if not (0 < steps < math.inf and 1 - ROUNDING <= interval < math.inf):
@@ -441,14 +450,14 @@ class Simulation:
             target = first + number * interval
             while self._state.frame < target - ROUNDING:
                 before = self._state
-                self.step()
+                self._step()
                 means.add(self._state.frame, self._state.forces)
             frame = self._between(before, target)
             yield (
                 frame if number == 0 else replace(frame, forces=self._requested(means.mean(target - interval, target)))
             )
         while self._state.frame < first + steps - ROUNDING:
-            self.step()
+            self._step()
 
     def _between(self, before: SimulationState, target: float) -> Frame:
         """The particles at ``target`` frames, from the present state or between ``before`` and it."""

@@ -15,10 +15,11 @@ import torch
 import warp as wp
 from torch import Tensor
 
-from surfsup.errors import SimulationError
+from surfsup.errors import InputError
 
 STANDARD_ERROR = 2  # file descriptor
 DRIVER_WARNINGS = ("find or load the NVIDIA CUDA driver", "CUDA driver version", "https://nvidia.github.io/warp")
+NO_MEMORY = ("failed to allocate", "out of memory", "can't allocate memory")  # in errors of Warp and of torch
 
 wp.config.log_level = wp.LOG_ERROR  # no banner
 
@@ -45,13 +46,13 @@ def precision_of(dtype: torch.dtype) -> Precision:
     """Warp's types of a ``dtype``, the same object in every call.
 
     Raises:
-        SimulationError: it is neither single nor double precision.
+        InputError: it is neither single nor double precision.
     """
     if dtype == torch.float32:
         return Precision("float32", wp.float32, wp.vec3f, wp.mat33f)
     if dtype == torch.float64:
         return Precision("float64", wp.float64, wp.vec3d, wp.mat33d)
-    raise SimulationError(f"the solver computes in float32 or float64, not in {str(dtype).removeprefix('torch.')}")
+    raise InputError(f"the solver computes in float32 or float64, not in {str(dtype).removeprefix('torch.')}")
 
 
 @cache
@@ -59,7 +60,7 @@ def start(device: str) -> None:
     """Initialize Warp for a device of torch.
 
     Raises:
-        SimulationError: Warp's cache cannot be written, or it finds no driver for the device.
+        InputError: Warp's cache cannot be written, or it finds no driver for the device.
     """
     try:
         with without_driver_warning():
@@ -105,7 +106,7 @@ def load_kernels(kernels: Iterable[Any], device: str) -> None:
     """Compile the modules of ``kernels`` for a device, or read them from Warp's cache.
 
     Raises:
-        SimulationError: Warp's cache cannot be written, or a kernel fails to compile.
+        InputError: Warp's cache cannot be written, or a kernel fails to compile.
     """
     try:
         for module in dict.fromkeys(kernel.module for kernel in kernels):
@@ -116,19 +117,19 @@ def load_kernels(kernels: Iterable[Any], device: str) -> None:
         raise launch_error(device, error) from None
 
 
-def cache_error(error: OSError) -> SimulationError:
+def cache_error(error: OSError) -> InputError:
     """The error for a cache of compiled kernels that cannot be written."""
-    return SimulationError(
+    return InputError(
         f"Warp cannot write its compiled kernels to {wp.config.kernel_cache_dir or 'its cache'} "
         f"({error.strerror or error}); set WARP_CACHE_PATH to a directory that can be written"
     )
 
 
-def launch_error(device: str, error: Exception) -> SimulationError:
+def launch_error(device: str, error: Exception) -> InputError:
     """The error for kernels that do not compile or run on a device."""
     reason = (str(error).strip().splitlines() or [type(error).__name__])[0]
     way_out = "install a C++ compiler and build surfsup with it" if device == "cpu" else "try --device cpu"
-    return SimulationError(f"Warp's kernels cannot run on the device '{device}' ({reason}); {way_out}")
+    return InputError(f"Warp's kernels cannot run on the device '{device}' ({reason}); {way_out}")
 
 
 @contextmanager
@@ -136,17 +137,17 @@ def memory_errors(particles: int, bytes_per_particle: int, device: torch.device)
     """Say how many particles would fit where a device has too little memory.
 
     Raises:
-        SimulationError: with one line.
+        InputError: with one line.
     """
     try:
         yield
     except RuntimeError as error:
-        if not any(words in str(error).lower() for words in ("failed to allocate", "out of memory")):
+        if not any(words in str(error).lower() for words in NO_MEMORY):
             raise
         memory = torch.cuda.mem_get_info(device)[1] if device.type == "cuda" else 0
         room = f"; about {memory // bytes_per_particle} would fit" if memory else ""
         way_out = "use fewer" if device.type == "cpu" else "use fewer, or --device cpu"
-        raise SimulationError(
+        raise InputError(
             f"the device '{device}' has too little memory for {particles} particles{room}; {way_out}"
         ) from None
 
@@ -170,7 +171,7 @@ def load_for(factory: Callable[[Precision], Any], like: Tensor) -> None:
     """Have the kernels of a group for the precision and device of a tensor.
 
     Raises:
-        SimulationError: see :func:`start` and :func:`load_kernels`.
+        InputError: see :func:`start` and :func:`load_kernels`.
     """
     load_group(factory, like.dtype, str(like.device))
 

@@ -15,10 +15,11 @@ import pytest
 
 import surfsup as sf
 from surfsup.live import serve
-from surfsup.live.page import LivePage, speed_colors, tilted_gravity
+from surfsup.live.page import LivePage, colors_of, speed_colors, tilted_gravity
 from surfsup.live.serve import LiveServer
 from surfsup.live.world import LiveWorld
 from surfsup.scene import Scene
+from surfsup.scene.liquid import LIQUIDS
 
 pytest.importorskip("viser")
 SCENE = """
@@ -219,6 +220,13 @@ def test_pictures_that_a_slow_browser_does_not_take_are_dropped(tmp_path):
 def test_fast_water_is_white_and_slow_water_blue():
     colors = speed_colors(np.array([[0, 0, 0], [0, 3.0, 0]], np.float32), 3.0).astype(int)
     assert colors[0, 2] > 2 * colors[0, 0] and colors[1].min() > 230
+
+
+def test_honey_is_amber():
+    palette, surface = colors_of(LIQUIDS["honey"])
+    assert surface[0] > surface[1] > surface[2]
+    slow = speed_colors(np.zeros((1, 3), np.float32), 3.0, palette).astype(int)[0]
+    assert slow[0] > 2 * slow[2]
 
 
 def test_gravity_keeps_its_strength_when_it_is_tilted():

@@ -13,6 +13,7 @@ from surfsup.errors import InputError
 from surfsup.evaluation.floor import floor_files
 from surfsup.io.trajectory import Trajectory
 from surfsup.scene import Scene
+from surfsup.scene.liquid import Liquid
 from surfsup.scene.taps import Tap
 
 FRAMES_PER_READ = 64
@@ -204,7 +205,7 @@ def scene_difference(one: Scene, other: Scene) -> str | None:
         return "surfaces"
     if one.gravity != other.gravity:
         return "gravities"
-    if one.liquid != other.liquid:
+    if physics_of(one.liquid) != physics_of(other.liquid):
         return "liquids"
     if len(here.taps) != len(there.taps) or not all(
         same_tap(*pair, other.spacing) for pair in zip(here.taps, there.taps, strict=True)
@@ -223,6 +224,11 @@ def scene_difference(one: Scene, other: Scene) -> str | None:
         if np.abs(corners[0] - corners[1]).max() > other.spacing:
             return "blocks of fluid"
     return None
+
+
+def physics_of(liquid: Liquid | None) -> Liquid | None:
+    """A liquid without its color."""
+    return None if liquid is None else liquid.physics
 
 
 def same_tap(one: Tap, other: Tap, distance: float) -> bool:

@@ -13,10 +13,10 @@ from surfsup.errors import InputError
 
 
 class ReservedSpace:
-    """The space of the file at ``path``, which exists."""
+    """The space of the file at ``path``, which exists; errors call it ``name`` if that is given."""
 
-    def __init__(self, path: Path) -> None:
-        self._path = path
+    def __init__(self, path: Path, name: Path | None = None) -> None:
+        self._path, self._name = path, path if name is None else name
 
     def reserve(self, size: int, kept: str = "") -> None:
         """Make the file at least ``size`` bytes large on the disk; what is in it stays.
@@ -38,7 +38,7 @@ class ReservedSpace:
                 os.close(file)
         except OSError as error:
             raise InputError(
-                f"{self._path}: cannot be written: the disk is full, or a limit is reached ({error.strerror}){kept}"
+                f"{self._name}: cannot be written: the disk is full, or a limit is reached ({error.strerror}){kept}"
             ) from None
 
     def release(self, size: int) -> None:

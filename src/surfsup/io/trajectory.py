@@ -261,22 +261,27 @@ class TrajectoryWriter:
         # An existing file is replaced at the end, so that a run that fails before loses nothing.
         self._path = path.with_name(f"{path.stem}.new{path.suffix}") if path.is_file() else path
         self._check_disk_space(SPARE_BYTES)
+        # Whatever ends the program, a file of this name is a trajectory, if one without frames. Windows renames no file
+        # that is open; closing and opening it would move its tables to its end, where a file is cut off first.
+        partial = self._path if os.name == "nt" else self._path.with_name(f".{self._path.name}.partial")
         try:
-            self._file = h5py.File(self._path, "w")
+            self._file = h5py.File(partial, "w")
         except OSError as error:
             reason = os.strerror(error.errno) if error.errno else single_line(error)
             with suppress(OSError):
-                if self._path.stat().st_size == 0:
-                    self._path.unlink()
+                partial.unlink(missing_ok=True)
             raise InputError(f"{path}: cannot be written ({reason})") from None
         self._space = ReservedSpace(self._path)
         try:
-            self._space.reserve(len(text) + 8 * particles + SPARE_BYTES)
+            ReservedSpace(partial, self._path).reserve(len(text) + 8 * particles + SPARE_BYTES)
             self._sets = self._write_head(text, scene, provenance, particles, start_time)
-        except BaseException:  # an interrupt, too, leaves nothing that is no trajectory
+            partial.replace(self._path)
+        except BaseException as error:  # an interrupt, too, leaves nothing that is no trajectory
             with suppress(OSError, RuntimeError):  # the same error once more
                 self._file.close()
-            self._path.unlink()
+            partial.unlink(missing_ok=True)
+            if isinstance(error, OSError) and error.errno:
+                raise InputError(f"{path}: cannot be written ({os.strerror(error.errno)})") from None
             raise
         self._poses: list[Mapping[str, Pose]] = []  # of the frames in the buffer
         # The first frame of each particle and the one after its last. All zero for those that have not yet come.
@@ -324,7 +329,7 @@ class TrajectoryWriter:
             group["liquid"] = np.zeros(particles, np.uint8)
             group["liquid"].attrs["density"] = [liquid.density for liquid in scene.mixture]
         group["particle_type"] = np.full(particles, FLUID_TYPE, dtype=np.int64)
-        self._file.flush()  # a file that a kill leaves is a trajectory, if one without frames
+        self._file.flush()
         return sets
 
     @property

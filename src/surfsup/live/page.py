@@ -12,17 +12,20 @@ import numpy as np
 from surfsup.live.tap_controls import Command, TapControls
 from surfsup.live.world import LiveWorld
 from surfsup.scene import quaternion
+from surfsup.scene.liquid import Liquid
 from surfsup.scene.pose import Pose
 from surfsup.scene.solids import CONTAINER
 from surfsup.simulation import Frame
 from surfsup.viewing.camera import FIELD_OF_VIEW, fit_camera
+from surfsup.viewing.liquid_look import color_of
 from surfsup.viewing.moving_mesh import container_corners
 from surfsup.viewing.reconstruction import Reconstruction
 
 if TYPE_CHECKING:
     import viser
 
-SLOW, MIDDLE, FAST = (np.array(color, np.float32) for color in ((45, 120, 200), (80, 175, 230), (240, 249, 253)))
+# From slow to fast.
+PALETTE = np.array([(45, 120, 200), (80, 175, 230), (240, 249, 253)], np.float32)
 POINT = 1.2  # particle radii; of a disc, which viser draws with twice this as its diameter
 FAST_SPEED = 3.0  # m/s, with particles of 15 mm
 SOLID_COLOR, WATER_COLOR, EDGE_COLOR = (205, 125, 80), (60, 150, 215), (90, 100, 110)
@@ -52,6 +55,7 @@ class LivePage:
         self.commands: SimpleQueue[Command] = SimpleQueue()
         self.paused = False
         self._solids: dict[str, Any] = {}
+        self._palette, self._surface_color = colors_of(world.scene.liquid)
         self._draw_scene(world)
         self._water: Any = None
         self._style_shown = ""
@@ -112,7 +116,7 @@ class LivePage:
                 self._show_particles(frame, radius)
 
     def _show_particles(self, frame: Frame, radius: float) -> None:
-        colors = speed_colors(frame.velocities, FAST_SPEED * np.sqrt(radius / 0.015))
+        colors = speed_colors(frame.velocities, FAST_SPEED * np.sqrt(radius / 0.015), self._palette)
         if self._water is None:
             self._water = self._server.scene.add_point_cloud(
                 "water", frame.positions, colors, point_size=POINT * radius, point_shape="circle"
@@ -128,7 +132,7 @@ class LivePage:
         assert isinstance(mesh, pysplashsurf.TriMesh3d)  # quads are not requested
         self._water = self._server.scene.add_mesh_simple(
             "water", np.asarray(mesh.vertices, np.float32), np.asarray(mesh.triangles, np.uint32),
-            color=WATER_COLOR, opacity=0.75, cast_shadow=False,
+            color=self._surface_color, opacity=0.75, cast_shadow=False,
         )  # fmt: skip
 
     def report(self, text: str) -> None:
@@ -319,11 +323,22 @@ class SolidHandle:
         self._send(lambda world: world.move(self._name, pose))
 
 
-def speed_colors(velocities: np.ndarray, fast: float) -> np.ndarray:
-    """Colors (N, 3) uint8 of particles by their speed, m/s: from blue to white at ``fast``."""
+def colors_of(liquid: Liquid | None) -> tuple[np.ndarray, tuple[int, int, int]]:
+    """The colors (3, 3) of slow, middle and fast particles of a liquid, from 0 to 255, and that of its surface."""
+    color = color_of(liquid)
+    if color is None:
+        return PALETTE, WATER_COLOR
+    middle = 255 * np.array(color, np.float32)
+    red, green, blue = (int(part) for part in middle)
+    return np.stack([0.75 * middle, middle, 0.3 * middle + 178]), (red, green, blue)
+
+
+def speed_colors(velocities: np.ndarray, fast: float, palette: np.ndarray = PALETTE) -> np.ndarray:
+    """Colors (N, 3) uint8 of particles by their speed, m/s: from slow to fast through a ``palette`` (3, 3)."""
     share = np.clip(np.sqrt((velocities**2).sum(1)) / np.float32(fast), 0, 1)[:, None]
     lower, upper = np.clip(2 * share, 0, 1), np.clip(2 * share - 1, 0, 1)
-    colors: np.ndarray = (SLOW + lower * (MIDDLE - SLOW) + upper * (FAST - MIDDLE)).astype(np.uint8)
+    slow, middle, fastest = palette
+    colors: np.ndarray = (slow + lower * (middle - slow) + upper * (fastest - middle)).astype(np.uint8)
     return colors
 
 

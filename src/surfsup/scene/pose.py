@@ -9,6 +9,7 @@ import numpy as np
 
 from surfsup.errors import InputError
 from surfsup.scene import quaternion
+from surfsup.scene.strict_model import MAX_COORDINATE
 
 Vector = Sequence[float] | np.ndarray
 NO_ROTATION = (1.0, 0.0, 0.0, 0.0)
@@ -36,14 +37,16 @@ class Pose:
         """The pose at ``position`` (3,) with ``rotation`` (4,), a quaternion w, x, y, z of any length but zero.
 
         Raises:
-            InputError: a value is not finite, has another length, or the quaternion is zero.
+            InputError: a value is not finite or too large, has another length, or the quaternion is zero.
         """
-        place = np.array(position, np.float64)
-        if place.shape != (3,) or not np.isfinite(place).all():
-            raise InputError(f"a pose: position is three finite numbers of meters (found {position})")
+        place = numbers(position)
+        if place.shape != (3,) or not (np.abs(place) <= MAX_COORDINATE).all():
+            raise InputError(
+                f"a pose: position is three numbers of meters, at most {MAX_COORDINATE:g} (found {position})"
+            )
         try:
             return cls(place, quaternion.normalized(rotation))
-        except ValueError as error:
+        except (ValueError, TypeError, OverflowError) as error:
             raise InputError(f"a pose: {error}") from None
 
     @property
@@ -68,6 +71,14 @@ class Pose:
     def to_own(self, points: np.ndarray) -> np.ndarray:
         """World ``points`` (N, 3) in the solid's frame."""
         return (points - self.position) @ self.matrix
+
+
+def numbers(values: object) -> np.ndarray:
+    """``values`` as float64, or an empty array if they are no numbers."""
+    try:
+        return np.array(values, np.float64)
+    except (TypeError, ValueError, OverflowError):
+        return np.empty(0)
 
 
 def between(one: Pose, other: Pose, part: float) -> Pose:

@@ -212,8 +212,8 @@ def positive(shape_name: str, name: str, value: object, shape: tuple[int, ...] =
     try:
         tensor = torch.as_tensor(value)
         tensor = tensor if tensor.is_floating_point() else tensor.to(torch.get_default_dtype())
-        valid = tuple(tensor.shape) == shape and bool(torch.isfinite(tensor).all() and (tensor > 0).all())
-    except (TypeError, ValueError, RuntimeError):
+        valid = tuple(tensor.shape) == shape and bool(torch.isfinite(tensor.float()).all() and (tensor > 0).all())
+    except (TypeError, ValueError, RuntimeError, OverflowError):
         valid = False
     if not valid:
         expected = "a positive number" if shape == () else f"{shape[0]} positive numbers"

@@ -114,7 +114,7 @@ def axis_rotation(axis: Sequence[float] | Tensor, degrees: float | Tensor) -> Te
     Raises:
         InputError: The axis is zero or not finite.
     """
-    direction, angle = floating(axis), floating(degrees) * (math.pi / 180)
+    direction, angle = floating(axis, "axis", "3 numbers"), floating(degrees, "degrees", "a number") * (math.pi / 180)
     dtype = torch.promote_types(direction.dtype, angle.dtype)
     direction, angle = direction.to(dtype), angle.to(dtype)
     norm = torch.linalg.vector_norm(direction)
@@ -133,7 +133,7 @@ def orthonormal(rotation: Tensor) -> Tensor:
     Raises:
         InputError: It is not an orthogonal matrix (3, 3).
     """
-    matrix = floating(rotation)
+    matrix = floating(rotation, "rotation", "an orthogonal matrix (3, 3)")
     valid = tuple(matrix.shape) == (3, 3) and bool(torch.isfinite(matrix).all())
     if valid:
         double = matrix.detach().double().cpu()
@@ -149,13 +149,20 @@ def offset_of(translation: Sequence[float] | Tensor) -> Tensor:
     Raises:
         InputError: It is not three finite numbers.
     """
-    offset = floating(translation)
-    if tuple(offset.shape) != (3,) or not bool(torch.isfinite(offset).all()):
+    offset = floating(translation, "translation", "3 finite numbers of meters")
+    if tuple(offset.shape) != (3,) or not bool(torch.isfinite(offset.float()).all()):
         raise InputError(f"transform: translation is {offset.tolist()}, but must be 3 finite numbers of meters")
     return offset
 
 
-def floating(value: object) -> Tensor:
-    """``value`` as a tensor: a floating-point one unchanged, anything else in the default precision."""
-    tensor = torch.as_tensor(value)
+def floating(value: object, name: str, expected: str) -> Tensor:
+    """``value`` as a tensor: a floating-point one unchanged, anything else in the default precision.
+
+    Raises:
+        InputError: it holds what is no number.
+    """
+    try:
+        tensor = torch.as_tensor(value)
+    except (TypeError, ValueError, RuntimeError, OverflowError):
+        raise InputError(f"transform: {name} is {value!r}, but must be {expected}") from None
     return tensor if tensor.is_floating_point() else tensor.to(torch.get_default_dtype())

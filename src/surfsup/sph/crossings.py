@@ -51,10 +51,14 @@ class CrossingCounter:
         first, last = common_positions(before, after)
         starts, ends = (values.detach().cpu().float().numpy() for values in (first, last))
         ways = ends - starts
-        squares = np.einsum("ij,ij->i", ways, ways)
-        fastest = math.sqrt(squares.max()) if len(squares) else 0.0
         motion = environment.motion
         displacements = [] if motion is None else motion.displacements
+        # Mostly no particle is fast, which its largest coordinate shows quickly.
+        bound = math.sqrt(3) * max(-ways.min(), ways.max()) if len(ways) else 0.0
+        if bound + max(displacements, default=0.0) <= self._shortest:
+            return 0
+        squares = np.einsum("ij,ij->i", ways, ways)
+        fastest = math.sqrt(squares.max()) if len(squares) else 0.0
         if fastest + max(displacements, default=0.0) <= self._shortest:
             return 0
         total = self._crossings_of_still(environment.surface, starts, ends, np.sqrt(squares))

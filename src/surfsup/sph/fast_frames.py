@@ -28,6 +28,8 @@ def frame_parts(velocities: Tensor) -> int:
     if len(velocities) == 0:
         return 1
     limit = LIMIT * SPACING / SUBSTEP_TIME
+    if 3 * float(velocities.detach().abs().max()) ** 2 <= limit**2:  # mostly so, and quickly found
+        return 1
     squared = torch.linalg.vecdot(velocities.detach(), velocities.detach())
     if not float(squared.max()) > limit**2:
         return 1

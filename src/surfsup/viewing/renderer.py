@@ -14,6 +14,7 @@ import trimesh
 from surfsup.viewing import lighting
 from surfsup.viewing.camera import DEFAULT_DIRECTION, ViewDirection, fit_camera, picture_scale
 from surfsup.viewing.container_edges import ContainerEdges
+from surfsup.viewing.liquid_look import WATER, LiquidLook
 from surfsup.viewing.lit_solid import LitSolid
 from surfsup.viewing.moving_mesh import container_corners
 from surfsup.viewing.pixel_box import PixelBox
@@ -75,6 +76,7 @@ class FrameRenderer:
         size: (width, height) of the picture in pixels.
         direction: from where the camera looks.
         turntable: whether the camera shall go around, by :meth:`turn`.
+        look: of the liquid.
 
     Raises:
         InputError: this machine cannot render off screen; the message names the missing packages.
@@ -90,7 +92,9 @@ class FrameRenderer:
         bounds: np.ndarray | None = None,
         direction: ViewDirection = DEFAULT_DIRECTION,
         turntable: bool = False,
+        look: LiquidLook = WATER,
     ) -> None:
+        self._look = look
         self._scale = picture_scale(container_size, particle_radius)
         x, y, z = (self._scale * side for side in container_size)
         self._radius, self._container_size = self._scale * particle_radius, (x, y, z)
@@ -209,7 +213,7 @@ class FrameRenderer:
 
         rows, columns = np.nonzero(whole)
         pixels = Background(lambda r, c: background[:, r, c], depth, camera.focal_length)
-        coarse[:, rows, columns] = shade_water(samples(rows, columns, 1), pixels, camera.axes)
+        coarse[:, rows, columns] = shade_water(samples(rows, columns, 1), pixels, camera.axes, self._look)
 
         rows, columns = np.nonzero(repeated(rim) & wet)
         grid = Background(
@@ -217,7 +221,7 @@ class FrameRenderer:
             behind,
             SUPERSAMPLING * camera.focal_length,
         )
-        shaded = shade_water(samples(rows, columns, SUPERSAMPLING), grid, camera.axes)
+        shaded = shade_water(samples(rows, columns, SUPERSAMPLING), grid, camera.axes, self._look)
         change = (shaded - grid.radiance(rows, columns)) / SUPERSAMPLING**2
         height, width = thickness.shape
         pixel = rows // SUPERSAMPLING * width + columns // SUPERSAMPLING

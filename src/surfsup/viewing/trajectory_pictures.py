@@ -15,6 +15,7 @@ from surfsup.io.scene_poses import scene_poses
 from surfsup.io.trajectory import Trajectory
 from surfsup.viewing.camera import DEFAULT_DIRECTION, ViewDirection
 from surfsup.viewing.label import label
+from surfsup.viewing.liquid_look import look_of
 from surfsup.viewing.moving_mesh import at_frame, bounds_of, container_corners
 from surfsup.viewing.overlap import overlapped
 from surfsup.viewing.renderer import DrawnWater, FrameRenderer
@@ -63,7 +64,10 @@ class TrajectoryRenderer:
         first = None if self._poses else self._still  # what moves is drawn anew for each frame
         bounds = bounds_of(self._still, self._moving)
         focus = points_of_interest(trajectory)
-        self._renderer = FrameRenderer(first, self._size, trajectory.radius, focus, size, bounds, direction, turntable)
+        look = look_of(trajectory.scene.liquid)
+        self._renderer = FrameRenderer(
+            first, self._size, trajectory.radius, focus, size, bounds, direction, turntable, look
+        )
         if trajectory.scene.container.open:
             self._renderer.omit_edges()
 

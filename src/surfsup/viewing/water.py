@@ -14,13 +14,14 @@ from scipy.ndimage import gaussian_filter, zoom
 
 from surfsup.viewing import lighting
 from surfsup.viewing.camera import Camera
+from surfsup.viewing.liquid_look import WATER, LiquidLook
 from surfsup.viewing.pixel_box import PixelBox
 from surfsup.viewing.reconstruction import Reconstruction
 from surfsup.viewing.shading_mesh import ShadingMesh
 
-_ABSORPTION = np.array([8.0, 3.2, 1.8], np.float32)  # 1/m; far above real water's, because the scene is small
-_SCATTERING = np.array([0.04, 0.30, 0.54], np.float32)  # color of thick water
-_TURBIDITY = np.float32(7.0)  # 1/m, of scattering; the same for all colors, or thin water over brown would look olive
+# 1/m, of scattering; the same for all colors, or thin water over brown would look olive. With half of it, thin water
+# over a solid in the shade was nearly black.
+_TURBIDITY = np.float32(12.0)
 _REFRACTION = 0.35  # sideways shift of a refracted ray, relative to the water's thickness
 _REFLECTANCE = 0.02  # of water at normal incidence
 _THICKNESS_CELL = 2  # pixels; thickness is smooth, so a coarse grid is enough
@@ -104,8 +105,8 @@ class Background:
     focal_length: float
 
 
-def shade_water(samples: Samples, background: Background, axes: np.ndarray) -> np.ndarray:
-    """Radiance (3, M) of water, seen by a camera with ``axes`` (3, 3): right, up and forward."""
+def shade_water(samples: Samples, background: Background, axes: np.ndarray, look: LiquidLook = WATER) -> np.ndarray:
+    """Radiance (3, M) of a liquid, seen by a camera with ``axes`` (3, 3): right, up and forward."""
     view, depth, thickness = samples.views, samples.depth, samples.thickness
     cosine = np.einsum("ij,ij->j", samples.normals, view)
     # smoothing can turn normals at the rim away
@@ -122,10 +123,10 @@ def shade_water(samples: Samples, background: Background, axes: np.ndarray) -> n
     refracted = background.radiance(np.where(behind, rows, samples.rows), np.where(behind, columns, samples.columns))
 
     sun = lighting.SUN_DIRECTION.astype(np.float32)
-    transmittance = np.exp(-_ABSORPTION[:, None] * thickness)
+    transmittance = np.exp(-look.absorption[:, None] * thickness)
     diffuse = np.float32(0.62) + np.float32(0.38) * (sun @ normals)
     scattered = 1 - np.exp(-_TURBIDITY * thickness)
-    body = refracted * transmittance + _SCATTERING[:, None] * (diffuse * scattered)
+    body = refracted * transmittance + look.scattering[:, None] * (diffuse * scattered)
     grazing = 1 - cosine
     fresnel = np.float32(_REFLECTANCE) + np.float32(1 - _REFLECTANCE) * grazing**5  # Schlick's approximation
     reflected = 2 * cosine * normals - view

@@ -16,6 +16,7 @@ from isal import igzip
 
 from surfsup.viewing.camera import FIELD_OF_VIEW, fit_camera, picture_scale
 from surfsup.viewing.html_page import script_json, write_html
+from surfsup.viewing.liquid_look import WATER, LiquidLook
 from surfsup.viewing.moving_mesh import MovingMesh, bounds_of, scaled_poses
 
 _MAX_BYTES = 10_000_000  # of positions before compression, which halves them
@@ -38,6 +39,7 @@ def write_web_player(
     title: str = "surfsup",
     simulator: str = "",
     focus: np.ndarray | None = None,
+    look: LiquidLook = WATER,
 ) -> None:
     """Write the page that plays ``positions`` at ``path``.
 
@@ -58,6 +60,7 @@ def write_web_player(
         title: of the page.
         simulator: the name of what made the trajectory, shown beside the title with the number of particles.
         focus: points (N, 3) that the camera shows, meters; by default the particles of the first frame.
+        look: of the liquid.
 
     Raises:
         ValueError: ``positions`` has another shape, or no frames or particles.
@@ -91,6 +94,7 @@ def write_web_player(
         "vertices": len(mesh.vertices), "faces": len(mesh.faces),
         "moving": [{"vertices": len(body.vertices), "faces": len(body.faces)} for body in bodies],
         "containerMoves": container_poses is not None, "open": is_open,
+        "absorption": look.absorption.tolist(), "scattering": look.scattering.tolist(),
         "eye": camera.eye.tolist(), "target": camera.target.tolist(),
         "fov": FIELD_OF_VIEW, "aspect": _VIEW_SIZE[0] / _VIEW_SIZE[1],
     }  # fmt: skip

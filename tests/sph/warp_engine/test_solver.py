@@ -6,7 +6,7 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from surfsup.errors import SimulationError
+from surfsup.errors import InputError, SimulationError
 from surfsup.native.dispatch import is_built
 from surfsup.scene import SPACING, Container
 from surfsup.sdf import Heightfield, MeshSurface, Sphere, Surface, Transformed, fit_surface, load_siren
@@ -252,7 +252,7 @@ def test_a_distance_of_nan_affects_only_the_particles_near_it():
 
 def test_a_precision_that_the_solver_lacks_is_refused():
     state = splash(5, dtype=torch.float16)
-    with pytest.raises(SimulationError, match="float32 or float64, not in float16"):
+    with pytest.raises(InputError, match="float32 or float64, not in float16"):
         WarpSolver().advance(state, environment_of(None, dtype=torch.float16), state.positions, *state.positions.T[:2])
 
 

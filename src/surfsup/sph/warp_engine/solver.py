@@ -94,7 +94,8 @@ class WarpSolver:
         the device once, at the end.
 
         Raises:
-            SimulationError: a position is not finite, the particles have collapsed into a clump, or Warp cannot run.
+            SimulationError: a position is not finite, or the particles have collapsed into a clump.
+            InputError: Warp cannot run here, or the device has too little memory.
         """
         count, device = len(state.positions), state.positions.device
         if count == 0:
@@ -262,7 +263,7 @@ def load_engine(dtype: torch.dtype, device: str, with_gradient: bool) -> None:
     """Compile the kernels for a precision and a device, or read them from Warp's cache.
 
     Raises:
-        SimulationError: Warp's cache cannot be written, or a kernel fails to compile.
+        InputError: Warp's cache cannot be written, or a kernel fails to compile.
     """
     runtime.start(device)
     precision = precision_of(dtype)

@@ -141,7 +141,7 @@ const SOURCES = {
   thickness: [PARTICLE, `in vec2 disc; uniform float radius; out float thickness;
     // A disc of radius 1.9 r and this height has the particle's volume, (2 r)^3.
     void main() { float r2 = dot(disc, disc); if (r2 > 1.0) discard; thickness = 0.74 * radius * (1.0 - r2); }`],
-  compose: [SCREEN, `in vec2 uv; uniform sampler2D scene, sceneDepth, waterDepth, waterThickness; uniform mat4 view; uniform vec2 lens, range; uniform float lift; out vec4 color;
+  compose: [SCREEN, `in vec2 uv; uniform sampler2D scene, sceneDepth, waterDepth, waterThickness; uniform mat4 view; uniform vec2 lens, range; uniform float lift; uniform vec3 absorption, scattering; out vec4 color;
     float meters(float z) { return range.x * range.y / (range.y - z * (range.y - range.x)); }
     vec3 position(vec2 q, float d) { return vec3((q * 2.0 - 1.0 - vec2(0.0, lift)) * lens * d, -d); }
     float depthAt(vec2 q) { return texture(waterDepth, q).r; }
@@ -159,8 +159,8 @@ const SOURCES = {
       if (meters(texture(sceneDepth, shifted).r) < d) shifted = uv;
       vec3 refracted = linear(texture(scene, shifted).rgb);
       mat3 toWorld = transpose(mat3(view)); vec3 m = toWorld * n, w = toWorld * v;
-      vec3 transmittance = exp(-vec3(8.0, 3.2, 1.8) * thickness);  // as in the video, see water.py
-      vec3 body = refracted * transmittance + vec3(0.04, 0.30, 0.54) * (0.62 + 0.38 * dot(m, SUN)) * (1.0 - exp(-7.0 * thickness));
+      vec3 transmittance = exp(-absorption * thickness);  // as in the video, see water.py
+      vec3 body = refracted * transmittance + scattering * (0.62 + 0.38 * dot(m, SUN)) * (1.0 - exp(-12.0 * thickness));
       float fresnel = 0.02 + 0.98 * pow(1.0 - cosine, 5.0);
       vec3 reflected = 2.0 * cosine * m - w;
       vec3 c = mix(body, environmentRadiance(reflected), fresnel * 0.85) + 0.55 * pow(clamp(dot(reflected, SUN), 0.0, 1.0), 160.0);
@@ -370,7 +370,7 @@ function main(data) {
     gl.disable(gl.BLEND);
     const lensY = Math.tan(fov / 2);
     bindTarget(targets.picture);
-    use("compose", { view, lift: LIFT, lens: [lensY * aspect, lensY], range: [near, far] },
+    use("compose", { view, absorption: header.absorption, scattering: header.scattering, lift: LIFT, lens: [lensY * aspect, lensY], range: [near, far] },
       { scene: targets.scene.color, sceneDepth: targets.scene.depth, waterDepth: targets.waterDepth.color, waterThickness: targets.thickness.color });
     drawScreen();
     finish(targets.picture);

@@ -1,0 +1,45 @@
+"""How a liquid looks: what it swallows of the light behind it, and its own color where it is thick."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from surfsup.scene.liquid import LIQUIDS, Color, Liquid
+
+_TINT = 7.0  # 1/m, of absorption where a color is 1/e of the strongest one
+_CLEAR = 1.2  # 1/m, of absorption in the strongest color
+
+
+@dataclass(frozen=True)
+class LiquidLook:
+    """How a liquid looks.
+
+    Attributes:
+        absorption: (3,) float32, 1/m; far above real liquids', because the scene is small.
+        scattering: (3,) float32, linear color of the liquid where it is thick.
+    """
+
+    absorption: np.ndarray
+    scattering: np.ndarray
+
+
+WATER = LiquidLook(np.array([6.4, 2.6, 1.5], np.float32), np.array([0.05, 0.33, 0.58], np.float32))
+
+
+def look_of(liquid: Liquid | None) -> LiquidLook:
+    """How the liquid of a scene looks: by its color, or by that of the liquid with a name that has its viscosity."""
+    color = color_of(liquid)
+    if color is None:
+        return WATER
+    linear = np.maximum(np.array(color, np.float32) ** np.float32(2.2), np.float32(0.01))
+    return LiquidLook(_CLEAR - np.float32(_TINT) * np.log(linear / linear.max()), linear)
+
+
+def color_of(liquid: Liquid | None) -> Color | None:
+    """The color of a liquid, gamma-encoded, from 0 to 1; None for that of water."""
+    if liquid is None or liquid.color is not None:
+        return None if liquid is None else liquid.color
+    named = (each.color for each in LIQUIDS.values() if each.viscosity == liquid.viscosity)
+    return next(named, None)
