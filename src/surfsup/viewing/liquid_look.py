@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from surfsup.scene import Scene
 from surfsup.scene.liquid import LIQUIDS, Color, Liquid
 
 _TINT = 7.0  # 1/m, of absorption where a color is 1/e of the strongest one
@@ -17,8 +19,8 @@ class LiquidLook:
     """How a liquid looks.
 
     Attributes:
-        absorption: (3,) float32, 1/m; far above real liquids', because the scene is small.
-        scattering: (3,) float32, linear color of the liquid where it is thick.
+        absorption: (3,) float32, 1/m; far above real liquids', because the scene is small. Or (3, M) of M rays.
+        scattering: (3,) float32, linear color of the liquid where it is thick; or (3, M).
     """
 
     absorption: np.ndarray
@@ -26,6 +28,22 @@ class LiquidLook:
 
 
 WATER = LiquidLook(np.array([6.4, 2.6, 1.5], np.float32), np.array([0.05, 0.33, 0.58], np.float32))
+
+
+def looks_of(scene: Scene) -> list[LiquidLook]:
+    """How each liquid of :attr:`surfsup.Scene.mixture` looks, or the only one of a scene."""
+    return [look_of(liquid) for liquid in scene.mixture or [scene.liquid]]
+
+
+def mixed_look(looks: Sequence[LiquidLook], thicknesses: Sequence[np.ndarray]) -> LiquidLook:
+    """How liquids look together whose ``thicknesses`` (M,) a ray passes: absorption and scattering are (3, M)."""
+    shares = np.stack([np.maximum(each, np.float32(1e-6)) for each in thicknesses])
+    shares /= shares.sum(axis=0)
+    absorption, scattering = (
+        np.einsum("lc,lm->cm", np.stack([getattr(look, name) for look in looks]), shares)
+        for name in ("absorption", "scattering")
+    )
+    return LiquidLook(absorption, scattering)
 
 
 def look_of(liquid: Liquid | None) -> LiquidLook:

@@ -6,6 +6,7 @@ whole, and for each sample of pixels on its rim.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,7 +15,7 @@ import trimesh
 from surfsup.viewing import lighting
 from surfsup.viewing.camera import DEFAULT_DIRECTION, ViewDirection, fit_camera, picture_scale
 from surfsup.viewing.container_edges import ContainerEdges
-from surfsup.viewing.liquid_look import WATER, LiquidLook
+from surfsup.viewing.liquid_look import WATER, LiquidLook, mixed_look
 from surfsup.viewing.lit_solid import LitSolid
 from surfsup.viewing.moving_mesh import container_corners
 from surfsup.viewing.pixel_box import PixelBox
@@ -50,14 +51,14 @@ class DrawnWater:
     """The front of the water in a box of the picture, before shading.
 
     Attributes:
-        positions: (N, 3) of the particles, meters.
+        positions: (N, 3) of the particles of each liquid, meters.
         box: of the picture.
         depth: (2 h, 2 w) of its samples, infinite without water.
         colors: (2 h, 2 w, 3) uint8, the normals.
         dry: the picture behind it.
     """
 
-    positions: np.ndarray
+    positions: list[np.ndarray]
     box: PixelBox
     depth: np.ndarray
     colors: np.ndarray
@@ -76,7 +77,8 @@ class FrameRenderer:
         size: (width, height) of the picture in pixels.
         direction: from where the camera looks.
         turntable: whether the camera shall go around, by :meth:`turn`.
-        look: of the liquid.
+        looks: of the liquids.
+        liquids: (N,), which of them each particle is; None for the first.
 
     Raises:
         InputError: this machine cannot render off screen; the message names the missing packages.
@@ -92,9 +94,10 @@ class FrameRenderer:
         bounds: np.ndarray | None = None,
         direction: ViewDirection = DEFAULT_DIRECTION,
         turntable: bool = False,
-        look: LiquidLook = WATER,
+        looks: Sequence[LiquidLook] = (WATER,),
+        liquids: np.ndarray | None = None,
     ) -> None:
-        self._look = look
+        self._looks, self._liquids = looks, liquids
         self._scale = picture_scale(container_size, particle_radius)
         x, y, z = (self._scale * side for side in container_size)
         self._radius, self._container_size = self._scale * particle_radius, (x, y, z)
@@ -140,16 +143,20 @@ class FrameRenderer:
         """
         return self.shade(self.draw(*self.reconstruct(positions)))
 
-    def reconstruct(self, positions: np.ndarray) -> tuple[np.ndarray, ShadingMesh]:
-        """The first of three parts of :meth:`render`: positions as drawn, and the surface of the water.
+    def reconstruct(self, positions: np.ndarray) -> tuple[list[np.ndarray], ShadingMesh]:
+        """The first of three parts of :meth:`render`: positions of each liquid as drawn, and the surface of all.
 
         Only the second part, :meth:`draw`, is bound to the thread that made the renderer.
         """
         positions = np.asarray(positions, np.float32)
-        positions = np.float32(self._scale) * positions[np.isfinite(positions).all(1)]
-        return positions, reconstruct_surface(positions, self._radius)
+        there = np.isfinite(positions).all(1)
+        positions = np.float32(self._scale) * positions[there]
+        parts = [positions]
+        if self._liquids is not None:
+            parts = [positions[self._liquids[there] == number] for number in range(len(self._looks))]
+        return parts, reconstruct_surface(positions, self._radius)
 
-    def draw(self, positions: np.ndarray, surface: ShadingMesh) -> DrawnWater:
+    def draw(self, positions: list[np.ndarray], surface: ShadingMesh) -> DrawnWater:
         """The second part: the front of the water."""
         pixels, _ = self._camera.project(surface.vertices)
         box = PixelBox.around(pixels, _MARGIN, self._camera.size)
@@ -166,7 +173,7 @@ class FrameRenderer:
     def shade(self, water: DrawnWater) -> np.ndarray:
         """The last part: the picture (height, width, 3) uint8."""
         dry, (width, _) = water.dry, self._camera.size  # all cameras have pictures of one size
-        shadow = dry.receiver.shade(water.positions, self._radius)
+        shadow = dry.receiver.shade(np.concatenate(water.positions), self._radius)
         box = shadow.box.union(water.box)
         light = shadow.light_in(box, width)
         radiance = dry.view.radiance[:, *box.slices()] * light
@@ -189,7 +196,8 @@ class FrameRenderer:
         wet = water.depth < behind
         fine_depth[inner.slices(SUPERSAMPLING)] = np.minimum(water.depth, behind)
         depth = behind[::SUPERSAMPLING, ::SUPERSAMPLING]
-        thickness = water_thickness(water.positions, self._radius, camera, water.box, depth)
+        layers = [water_thickness(part, self._radius, camera, water.box, depth) for part in water.positions]
+        thickness = layers[0] if len(layers) == 1 else sum(layers[1:], layers[0])
         count = _counts(wet)
         whole, rim = count == SUPERSAMPLING**2, (count > 0) & (count < SUPERSAMPLING**2)
         coarse, light = radiance[:, *inner.slices()], light[inner.slices()]
@@ -209,11 +217,12 @@ class FrameRenderer:
                     for b in range(step)
                 )
             normals /= np.sqrt(np.einsum("ij,ij->j", normals, normals))
-            return Samples(normals, views[:, *pixel], water.depth[at], thickness[pixel], rows, columns)
+            look = self._looks[0] if len(layers) == 1 else mixed_look(self._looks, [each[pixel] for each in layers])
+            return Samples(normals, views[:, *pixel], water.depth[at], thickness[pixel], look, rows, columns)
 
         rows, columns = np.nonzero(whole)
         pixels = Background(lambda r, c: background[:, r, c], depth, camera.focal_length)
-        coarse[:, rows, columns] = shade_water(samples(rows, columns, 1), pixels, camera.axes, self._look)
+        coarse[:, rows, columns] = shade_water(samples(rows, columns, 1), pixels, camera.axes)
 
         rows, columns = np.nonzero(repeated(rim) & wet)
         grid = Background(
@@ -221,7 +230,7 @@ class FrameRenderer:
             behind,
             SUPERSAMPLING * camera.focal_length,
         )
-        shaded = shade_water(samples(rows, columns, SUPERSAMPLING), grid, camera.axes, self._look)
+        shaded = shade_water(samples(rows, columns, SUPERSAMPLING), grid, camera.axes)
         change = (shaded - grid.radiance(rows, columns)) / SUPERSAMPLING**2
         height, width = thickness.shape
         pixel = rows // SUPERSAMPLING * width + columns // SUPERSAMPLING

@@ -15,7 +15,7 @@ from surfsup.io.scene_poses import scene_poses
 from surfsup.io.trajectory import Trajectory
 from surfsup.viewing.camera import DEFAULT_DIRECTION, ViewDirection
 from surfsup.viewing.label import label
-from surfsup.viewing.liquid_look import look_of
+from surfsup.viewing.liquid_look import looks_of
 from surfsup.viewing.moving_mesh import at_frame, bounds_of, container_corners
 from surfsup.viewing.overlap import overlapped
 from surfsup.viewing.renderer import DrawnWater, FrameRenderer
@@ -64,9 +64,9 @@ class TrajectoryRenderer:
         first = None if self._poses else self._still  # what moves is drawn anew for each frame
         bounds = bounds_of(self._still, self._moving)
         focus = points_of_interest(trajectory)
-        look = look_of(trajectory.scene.liquid)
+        looks, liquids = looks_of(trajectory.scene), trajectory.liquids
         self._renderer = FrameRenderer(
-            first, self._size, trajectory.radius, focus, size, bounds, direction, turntable, look
+            first, self._size, trajectory.radius, focus, size, bounds, direction, turntable, looks, liquids
         )
         if trajectory.scene.container.open:
             self._renderer.omit_edges()
@@ -88,7 +88,7 @@ class TrajectoryRenderer:
     def render_many(self, moments: Iterable[Moment]) -> Iterator[np.ndarray]:
         """The pictures of many moments, in order; on more than one core."""
 
-        def draw(moment: Moment, water: tuple[np.ndarray, ShadingMesh]) -> DrawnWater:
+        def draw(moment: Moment, water: tuple[list[np.ndarray], ShadingMesh]) -> DrawnWater:
             self._place_solids(moment.frame, MOVING_LIGHT)
             if moment.angle:
                 self._renderer.turn(moment.angle)

@@ -14,7 +14,7 @@ from scipy.ndimage import gaussian_filter, zoom
 
 from surfsup.viewing import lighting
 from surfsup.viewing.camera import Camera
-from surfsup.viewing.liquid_look import WATER, LiquidLook
+from surfsup.viewing.liquid_look import LiquidLook
 from surfsup.viewing.pixel_box import PixelBox
 from surfsup.viewing.reconstruction import Reconstruction
 from surfsup.viewing.shading_mesh import ShadingMesh
@@ -79,6 +79,7 @@ class Samples:
         views: (3, M), unit, towards the camera.
         depth: (M,), meters.
         thickness: (M,) of the water, meters.
+        look: of the liquid, or of each ray's mean.
         rows, columns: (M,) in the grid of the background.
     """
 
@@ -86,6 +87,7 @@ class Samples:
     views: np.ndarray
     depth: np.ndarray
     thickness: np.ndarray
+    look: LiquidLook
     rows: np.ndarray
     columns: np.ndarray
 
@@ -105,7 +107,7 @@ class Background:
     focal_length: float
 
 
-def shade_water(samples: Samples, background: Background, axes: np.ndarray, look: LiquidLook = WATER) -> np.ndarray:
+def shade_water(samples: Samples, background: Background, axes: np.ndarray) -> np.ndarray:
     """Radiance (3, M) of a liquid, seen by a camera with ``axes`` (3, 3): right, up and forward."""
     view, depth, thickness = samples.views, samples.depth, samples.thickness
     cosine = np.einsum("ij,ij->j", samples.normals, view)
@@ -123,10 +125,11 @@ def shade_water(samples: Samples, background: Background, axes: np.ndarray, look
     refracted = background.radiance(np.where(behind, rows, samples.rows), np.where(behind, columns, samples.columns))
 
     sun = lighting.SUN_DIRECTION.astype(np.float32)
-    transmittance = np.exp(-look.absorption[:, None] * thickness)
+    absorption, scattering = (value.reshape(3, -1) for value in (samples.look.absorption, samples.look.scattering))
+    transmittance = np.exp(-absorption * thickness)
     diffuse = np.float32(0.62) + np.float32(0.38) * (sun @ normals)
     scattered = 1 - np.exp(-_TURBIDITY * thickness)
-    body = refracted * transmittance + look.scattering[:, None] * (diffuse * scattered)
+    body = refracted * transmittance + scattering * (diffuse * scattered)
     grazing = 1 - cosine
     fresnel = np.float32(_REFLECTANCE) + np.float32(1 - _REFLECTANCE) * grazing**5  # Schlick's approximation
     reflected = 2 * cosine * normals - view
