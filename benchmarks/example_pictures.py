@@ -3,10 +3,12 @@
     surfsup simulate examples/knot.obj -o out/knot
     surfsup examples honey -o out/honey
     surfsup examples water-wheel -o out/wheel
+    surfsup examples oil-and-water -o out/oil
     python examples/robot_pours.py -o out/robot.h5
     python benchmarks/example_pictures.py hero out/knot/trajectory.h5
     python benchmarks/example_pictures.py honey out/honey/trajectory.h5
     python benchmarks/example_pictures.py water-wheel out/wheel/trajectory.h5
+    python benchmarks/example_pictures.py oil-and-water out/oil/trajectory.h5
     python benchmarks/example_pictures.py robot out/robot.h5
     python benchmarks/example_pictures.py sheet out/knot/trajectory.h5 -o sheet.png     # 12 frames of any trajectory
 
@@ -53,6 +55,7 @@ class Strip:
 STRIPS = {
     "honey": Strip((0.3, 0.7, 1.3, 2.8), (330, 460), ViewDirection(-59.83, 21.91, 1.35)),
     "water-wheel": Strip((1.0, 2.2), (640, 520), ViewDirection(-72.0, 14.0, 1.05)),
+    "oil-and-water": Strip((0.6, 1.2, 3.9), (440, 360)),
     "robot": Strip((0.3, 3.05, 3.4), (480, 400), ViewDirection(-80.0, 10.0, 1.1)),
 }
 
@@ -64,7 +67,9 @@ def strip(trajectory: Trajectory, shown: Strip) -> Image.Image:
     frames = [min(last, round(second / trajectory.frame_time)) for second in shown.seconds]
     pictures = [renderer.render(frame, light=FULL_LIGHT) for frame in frames]
     renderer.close()
-    return Image.fromarray(np.hstack(pictures)).quantize(COLORS, dither=Image.Dither.FLOYDSTEINBERG)
+    image = Image.fromarray(np.hstack(pictures))
+    # Dithering needs a palette: without it smooth colors become bands.
+    return image.quantize(palette=image.quantize(COLORS), dither=Image.Dither.FLOYDSTEINBERG)
 
 
 def sheet(trajectory: Trajectory) -> Image.Image:

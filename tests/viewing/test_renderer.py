@@ -1,6 +1,8 @@
 import numpy as np
 import pytest
 
+from surfsup.scene.liquid import LIQUIDS
+from surfsup.viewing.liquid_look import WATER, look_of
 from surfsup.viewing.pixel_box import PixelBox
 from surfsup.viewing.renderer import FrameRenderer
 
@@ -55,6 +57,16 @@ def test_a_scene_without_solid_and_a_diverged_rollout_are_rendered(off_screen):
     diverged = np.vstack([HANGING, np.full((3, 3), np.nan, np.float32)])
     assert renderer.render(diverged).std() > 5
     renderer.close()
+
+
+def test_each_liquid_has_its_own_color(off_screen):
+    left = HANGING[:, 0] < 0
+    looks = [WATER, look_of(LIQUIDS["honey"])]
+    renderer = FrameRenderer(None, (1, 1, 2), RADIUS, HANGING, (240, 180), looks=looks, liquids=left.astype(np.int32))
+    picture = renderer.render(HANGING)
+    water, honey = (blueness(patch(renderer, picture, [x, x, 0.75])).mean() for x in (0.1, -0.1))
+    renderer.close()
+    assert water > 20 > -20 > honey
 
 
 def test_the_first_frame_shows_all_of_the_water(off_screen):

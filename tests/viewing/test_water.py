@@ -5,6 +5,7 @@ import pytest
 import trimesh
 
 from surfsup.errors import SimulationError
+from surfsup.viewing.liquid_look import WATER
 from surfsup.viewing.shading_mesh import ShadingMesh
 from surfsup.viewing.water import Background, Samples, reconstruct_surface, shade_water
 
@@ -39,7 +40,7 @@ def test_thick_water_is_blue_and_thin_water_over_brown_stays_brown():
 
     def color(thickness):
         at = np.zeros(1, int)
-        samples = Samples(up, up, np.ones(1, np.float32), np.full(1, thickness, np.float32), at, at)
+        samples = Samples(up, up, np.ones(1, np.float32), np.full(1, thickness, np.float32), WATER, at, at)
         return shade_water(samples, Background(lambda rows, columns: brown[:, None], depth, 1000.0), np.eye(3))[:, 0]
 
     red, green, blue = color(0.03)
