@@ -264,3 +264,15 @@ def last(simulation: Simulation) -> Frame:
     """The last frame of a simulation."""
     *_, frame = simulation.run()
     return frame
+
+
+def test_a_name_of_a_file_is_no_scene():
+    with pytest.raises(InputError, match=r"takes a Scene, not str; Scene\.load reads one"):
+        Simulation("scene.yaml")
+
+
+def test_a_state_prints_as_one_line():
+    assert (
+        repr(simulation_of().state)
+        == f"<SimulationState after 0 steps, {len(simulation_of().frame.positions)} particles>"
+    )

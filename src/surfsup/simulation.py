@@ -120,6 +120,10 @@ class SimulationState:
     bodies: Mapping[str, BodyState] = field(default_factory=dict)
     crossings: int = 0
 
+    def __repr__(self) -> str:
+        """The frame and the number of particles, not all their numbers."""
+        return f"<SimulationState after {self.frame} steps, {len(self.fluid.positions)} particles>"
+
 
 class Simulation:
     """Water in a scene, frame by frame.
@@ -165,6 +169,10 @@ class Simulation:
         handle_collisions: bool = True,
         particles: InitialParticles | None = None,
     ) -> None:
+        if not isinstance(scene, Scene):
+            raise InputError(
+                f"a simulation takes a Scene, not {type(scene).__name__}; Scene.load reads one from a scene file"
+            )
         self.scene, self.handle_collisions = scene, handle_collisions
         self.name = simulator if isinstance(simulator, str) else type(simulator).__name__
         if isinstance(simulator, str):

@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from surfsup.errors import InputError
-from surfsup.scene import SPACING, Block
+from surfsup.scene import SPACING, Block, Scene
 from surfsup.scene.fluid import lattice_sites
 
 
@@ -63,3 +63,10 @@ def test_particles_are_a_spacing_apart_and_a_spacing_inside_the_block(low, size)
     np.testing.assert_allclose(positions.max(axis=0), bounds[:, 1], atol=1e-6)
     for column in positions.T:
         np.testing.assert_allclose(np.diff(np.unique(column)), SPACING, atol=1e-5)
+
+
+def test_a_block_with_exchanged_corners_and_fluid_that_is_no_list_are_refused():
+    with pytest.raises(InputError, match=r"min is above max along z \(0\.7 and 0\.5\); exchange them"):
+        Block((-0.1, -0.1, 0.7), (0.1, 0.1, 0.5))
+    with pytest.raises(InputError, match=r"fluid is a list, as in \[Block\(\.\.\.\)\]"):
+        Scene(fluid=Block((-0.1, -0.1, 0.5), (0.1, 0.1, 0.7)))

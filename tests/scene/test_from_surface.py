@@ -31,7 +31,7 @@ def test_a_mesh_of_any_size_is_scaled_onto_the_floor_with_water_above(brick):
     assert "4 x 2 x 1" in summary
     assert "0.70 x 0.35 x 0.17" in summary
     assert summary.endswith(
-        "from (-0.225, -0.225, 0.275) to (0.225, 0.225, 0.725); --block-min and --block-max move it"
+        "from (-0.225, -0.225, 0.275) to (0.225, 0.225, 0.725); --block-min and --block-max, together, move it"
     )
     assert scene.initial_particles(scene.build_surface()).excluded == 0
 

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from surfsup.cli.fit_options import FitOptions, run_and_write
+from surfsup.cli.fit_options import MIN_STEP_SHARE, FitOptions, run_and_write
 from surfsup.cli.locks import hold_lock
 from surfsup.cli.options import stop_after
 
@@ -49,6 +49,8 @@ def siren(
             if errors.parts > 1:
                 warnings.warn(f"{options.out}: its mesh has {errors.parts} separate parts", stacklevel=1)
         save_siren(options.out, surface)
-        return [*lines, f"written to {options.out}; pour water on it with: surfsup simulate {options.out}"]
+        rough = fit.step < MIN_STEP_SHARE * fit.config.steps
+        use = "" if rough else f"; pour water on it with: surfsup simulate {options.out}"
+        return [*lines, f"written to {options.out}{use}"]
 
     run_and_write(fit, stop, options.resume, write)

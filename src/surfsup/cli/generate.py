@@ -68,7 +68,7 @@ def floor(
     workers: Workers = None,
     scheduler: Scheduler = None,
 ) -> None:
-    """Repeat the reference three times per trajectory.
+    """Measure how far the reference is from itself: repeat each scene of a data set three times.
 
     The repeats start 1 mm aside. Their errors are the smallest that a simulator can be expected to reach.
 

@@ -25,7 +25,7 @@ def output_file(out: Path | None, beside: Path, name: str) -> Path:
     file = out or beside.with_name(name)
     suffix = Path(name).suffix
     if file.suffix.lower() != suffix:
-        picture = "; a .png needs --frame" if suffix == ".mp4" and file.suffix.lower() == ".png" else ""
+        picture = "; --frame writes a .png" if suffix == ".mp4" else ""
         raise typer.BadParameter(f"'{file}' does not end in {suffix}{picture}", param_hint="--out")
     if not file.absolute().parent.is_dir():
         raise typer.BadParameter(f"'{file}': there is no folder {file.parent}", param_hint="--out")

@@ -87,7 +87,8 @@ def trajectory_files(folder: Path, first: int | None = None) -> list[Path]:
     """
     paths = sorted(folder.glob("*.h5"))
     if not paths:
-        raise InputError(f"{folder}: has no trajectories (*.h5) to evaluate on; make some with 'surfsup generate'")
+        missing = "has no trajectories (*.h5) to evaluate on" if folder.exists() else "there is no such folder"
+        raise InputError(f"{folder}: {missing}; make one, as in: surfsup generate prim-shapes -n 5 -o {folder}")
     return paths[:first]
 
 

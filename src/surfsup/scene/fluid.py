@@ -42,6 +42,14 @@ class Block(StrictModel):
     def __init__(self, min: PositionVector, max: PositionVector, velocity: Velocity = (0.0, 0.0, 0.0)) -> None:
         super().__init__(min=min, max=max, velocity=velocity)
 
+    @model_validator(mode="after")
+    def check_corners(self) -> Block:
+        """Require that the lower corner is below the upper one."""
+        for axis, low, high in zip("xyz", self.min, self.max, strict=True):
+            if low > high:
+                raise ValueError(f"min is above max along {axis} ({low:g} and {high:g}); exchange them")
+        return self
+
     def check_particle_count(self, spacing: float) -> None:
         """Require at least one lattice site along each axis, and at most MAX_PARTICLES in all.
 

@@ -76,7 +76,8 @@ def scene_from_surface(
     scene = Scene(container=container, surface=shape, fluid=[water], frames=frames, particle_radius=particle_radius)
     if block is None:
         corners = (f"({', '.join(f'{value:.3g}' for value in corner)})" for corner in (water.min, water.max))
-        summary += f"\nthe water begins as a block from {' to '.join(corners)}; --block-min and --block-max move it"
+        between = " to ".join(corners)
+        summary += f"\nthe water begins as a block from {between}; --block-min and --block-max, together, move it"
     return scene, summary
 
 

@@ -124,6 +124,8 @@ class Scene(StrictModel):
         density: float | None = None,
         liquid: Liquid | str | None = None,
     ) -> None:
+        if isinstance(fluid, StrictModel):
+            raise InputError(f"Scene: fluid is a list, as in [{type(fluid).__name__}(...)]")
         entries = [Fluid.of(entry) for entry in fluid]
         given: dict[str, float] = {} if frames is None else {"frames": frames}
         if density is not None:

@@ -23,7 +23,7 @@ def mesh_grid(query: MeshQuery, cell: float, margin: float) -> SdfGrid:
         values = (value.numpy() for value in mesh_distances(query, cell, margin))
         return dict(zip(("distance", "gradient", "lower"), values, strict=True))
 
-    grid = f"on a grid of {cell:.2g}"
+    grid = f"on a grid with cells of {cell:.2g} m"
     with activity(f"computing the distances around a mesh of {len(query.faces)} triangles {grid}"):
         arrays = cached("grid", digest(query.vertices, query.faces, cell, margin), compute)
     distance, gradient, lower = (torch.from_numpy(arrays[name]) for name in ("distance", "gradient", "lower"))
