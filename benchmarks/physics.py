@@ -18,7 +18,8 @@ from matplotlib.axes import Axes
 
 from physics_results import DENSITY, GRAVITY, MARGIN, Row, level, picture, run, write
 from surfsup.scene import PARTICLE_RADIUS, Scene
-from surfsup.simulation import Frame, Simulation
+from surfsup.simulation import Simulation
+from surfsup.simulation_state import Frame
 
 SETTLING, AVERAGED = 300, 200  # frames: 1.5 s and 1 s
 GAP = 0.02  # meters from walls to the block of water at the start, as in benchmarks/at_rest.py

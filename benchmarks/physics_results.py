@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 
 from record import ROOT, write_result
 from surfsup.scene import PARTICLE_RADIUS
-from surfsup.simulation import Frame
+from surfsup.simulation_state import Frame
 
 GRAVITY, DENSITY = 9.81, 1000.0
 MARGIN = 0.05  # meters from walls and bodies within which the level is not measured

@@ -39,7 +39,8 @@ if TYPE_CHECKING:
         Transformed,
         Union,
     )
-    from surfsup.simulation import Frame, Simulation, SimulationState
+    from surfsup.simulation import Simulation
+    from surfsup.simulation_state import Frame, SimulationState
     from surfsup.viewing.notebook import show
     from surfsup.worlds import Worlds
 
@@ -56,7 +57,8 @@ _MODULES = {
     "Wrench": "scene.wrench",
     **dict.fromkeys(("Bowl", "Box", "CappedCone", "Cylinder", "Difference", "Funnel", "Heightfield"), "sdf"),
     **dict.fromkeys(("Intersection", "Sphere", "Surface", "Torus", "Transformed", "Union"), "sdf"),
-    **dict.fromkeys(("Frame", "Simulation", "SimulationState"), "simulation"),
+    "Simulation": "simulation",
+    **dict.fromkeys(("Frame", "SimulationState"), "simulation_state"),
     "Worlds": "worlds",
     "show": "viewing.notebook",
 }

@@ -8,7 +8,8 @@ from concurrent.futures import ThreadPoolExecutor, wait
 import torch
 
 from surfsup.errors import InputError
-from surfsup.simulation import Frame, Simulation, SimulationState
+from surfsup.simulation import Simulation
+from surfsup.simulation_state import Frame, SimulationState
 
 
 class Worlds:

@@ -11,7 +11,8 @@ import numpy as np
 from gymnasium import spaces
 
 from surfsup.scene import Scene
-from surfsup.simulation import Simulation, SimulationState
+from surfsup.simulation import Simulation
+from surfsup.simulation_state import SimulationState
 
 RADIUS, INNER_RADIUS, HEIGHT, FLOOR = 0.09, 0.075, 0.2, 0.015  # of cup and glass, meters
 GLASS_PLACE, CUP_PLACE = 0.13, -0.05  # x of the middles at the start, meters

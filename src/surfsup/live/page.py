@@ -15,7 +15,7 @@ from surfsup.scene import quaternion
 from surfsup.scene.liquid import Liquid
 from surfsup.scene.pose import Pose
 from surfsup.scene.solids import CONTAINER
-from surfsup.simulation import Frame
+from surfsup.simulation_state import Frame
 from surfsup.viewing.camera import FIELD_OF_VIEW, fit_camera
 from surfsup.viewing.liquid_look import color_of
 from surfsup.viewing.moving_mesh import container_corners

@@ -13,7 +13,7 @@ from surfsup.errors import InputError
 from surfsup.io.trajectory import Provenance, Trajectory, TrajectoryWriter
 from surfsup.scene import Scene
 from surfsup.scene.pose import Pose
-from surfsup.simulation import Frame
+from surfsup.simulation_state import Frame
 
 FRAMES_AT_ONCE = 64  # copied
 ROOM = 1000  # particles of a tap in a file, at least

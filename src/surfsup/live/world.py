@@ -16,7 +16,8 @@ from surfsup.scene.pose import Pose
 from surfsup.scene.shapes import Shape
 from surfsup.scene.solids import NamedShape, as_named_shape
 from surfsup.scene.taps import DiscOpening, Tap
-from surfsup.simulation import Frame, Simulation, SimulationState
+from surfsup.simulation import Simulation
+from surfsup.simulation_state import Frame, SimulationState
 from surfsup.sph.open_water import OpenState
 from surfsup.sph.simulator import FluidState
 from surfsup.sph.state import ParticleState
