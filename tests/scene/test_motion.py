@@ -41,7 +41,7 @@ def test_a_rotation_of_any_length_is_normalized_and_zero_is_refused():
         Pose.of(rotation=(0, 0, 0, 0))
     with pytest.raises(InputError, match="four finite numbers"):
         Pose.of(rotation=(1, 0, 0))
-    with pytest.raises(InputError, match="three finite numbers"):
+    with pytest.raises(InputError, match="three numbers of meters"):
         Pose.of((0, math.nan, 0))
 
 

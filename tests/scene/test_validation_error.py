@@ -70,7 +70,10 @@ def test_an_unknown_key_of_several_lines_makes_a_message_of_one_line():
             "fluid: [{block: {min: [0, 0, 0], max: [1, 1, 0.05]}}]",
             "fluid.0.block: block is 0.05 m thick along z",
         ),
-        ("fluid: [{block: {min: [0, 0, 0], max: [1, -1, 1]}}]", "fluid.0.block: block is -1 m thick along y"),
+        (
+            "fluid: [{block: {min: [0, 0, 0], max: [1, -1, 1]}}]",
+            "fluid.0.block: min is above max along y (0 and -1); exchange them",
+        ),
         ("fluid: [{block: {min: [0, 0, 0], max: [1e4, 100, 1]}}]", "fluid.0.block: block would hold more than"),
         (
             "fluid: [{block: {min: [0, 0, 0], max: [30, 30, 3]}}]\nparticle_radius: 0.003",

@@ -132,7 +132,7 @@ class Motion(StrictModel):
         if self.gltf is not None and self.node is None:
             raise ValueError("gltf needs the name of its node: {gltf: FILE, node: NAME}")
         idle = ("between",) if self.gltf is not None else ("node", "animation", "scale", "offset")
-        if useless := [name for name in idle if name in self.model_fields_set and getattr(self, name) is not None]:
+        if useless := [name for name in idle if getattr(self, name) != type(self).model_fields[name].default]:
             raise ValueError(f"{useless[0]} has no meaning beside {given[0]}; omit it")
         check_order([key.time for key in self.keyframes or []], "keyframe")
         return self

@@ -54,7 +54,7 @@ def opened(surface: Surface, reach: float) -> Surface:
     lower, upper = surface.bounds().detach().cpu()
     if not bool((lower < upper).all()):
         return surface
-    places = torch.quasirandom.SobolEngine(3, scramble=True, seed=0).draw(SAMPLES)
+    places = torch.from_numpy(np.random.default_rng(0).random((SAMPLES, 3), np.float32))
     points = lower - reach + places * (upper - lower + 2 * reach)
     missed, distance, _ = unattained(surface, points, reach)
     if int(missed.sum()) < MIN_SAMPLES:
