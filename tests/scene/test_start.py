@@ -3,8 +3,9 @@ import re
 import pytest
 
 from surfsup.errors import InputError
+from surfsup.memory import available_memory
 from surfsup.scene import Block, Container, Scene
-from surfsup.scene.start import BYTES_PER_PARTICLE, available_memory, round_up
+from surfsup.scene.start import BYTES_PER_PARTICLE, round_up
 
 
 def test_more_particles_than_memory_holds_are_refused_with_a_radius_that_fits():

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
 from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -11,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from surfsup.errors import InputError
+from surfsup.memory import available_memory
 from surfsup.scene import quaternion
 from surfsup.scene.fill import Fill, distances
 from surfsup.scene.fluid import Block, Fluid, InitialParticles
@@ -272,13 +272,3 @@ def round_up(value: float) -> float:
     """A number with two digits that is at least ``value``."""
     step = 10.0 ** (math.floor(math.log10(value)) - 1)
     return math.ceil(value / step) * step
-
-
-def available_memory() -> int:
-    """Bytes of memory that programs can still take."""
-    try:
-        with open("/proc/meminfo", encoding="ascii") as file:
-            rows = dict(line.split(":") for line in file)
-        return 1024 * int(rows["MemAvailable"].split()[0])
-    except (OSError, KeyError, ValueError):  # not Linux
-        return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")

@@ -239,3 +239,12 @@ def test_fitting_scales_centers_and_stands_on_the_floor(extent):
 def test_fitting_to_an_invalid_extent_is_refused(extent):
     with pytest.raises(InputError, match="largest extent"):
         fit_mesh(BOX, extent)
+
+
+def test_a_file_too_large_for_the_memory_is_refused_before_it_is_read(tmp_path, monkeypatch):
+    path = tmp_path / "scan.stl"
+    with path.open("wb") as file:
+        file.truncate(2_000_000_000)  # takes no place on the disk
+    monkeypatch.setattr("surfsup.sdf.mesh.mesh_file.available_memory", lambda: 16 * 10**9)
+    with pytest.raises(InputError, match=r"has 2 GB, and reading it takes some 60 GB .* this machine has 16; reduce"):
+        load_mesh(path)

@@ -12,6 +12,7 @@ import numpy as np
 from surfsup.activity import activity
 from surfsup.cache import cached, digest
 from surfsup.errors import InputError
+from surfsup.memory import available_memory
 from surfsup.sdf.mesh.cleaning import MeshWarning, clean, warn
 from surfsup.sdf.mesh.readers.identify import READERS, identify, known_suffixes
 from surfsup.sdf.mesh.readers.raw_mesh import RawMesh, UnreadableMeshError
@@ -20,6 +21,8 @@ if TYPE_CHECKING:
     import trimesh
 
 FORMATS = tuple(READERS)
+SMALL = 10_000_000  # bytes of a file that any machine has memory for
+MEMORY_PER_BYTE = 30  # bytes of memory for a byte of a file: 17 in binary STL, 30 in OBJ, 46 in binary PLY (measured)
 
 
 def load_mesh(path: str | Path, up: Literal["y", "z"] | None = None, keep_sheets: bool = False) -> trimesh.Trimesh:
@@ -51,7 +54,11 @@ def load_mesh(path: str | Path, up: Literal["y", "z"] | None = None, keep_sheets
     if up not in ("y", "z", None):
         raise InputError(f"{path}: up is {up!r}, but must be y or z, the axis that points up in the file")
     try:
+        if path.stat().st_size > SMALL:
+            require_memory(path)
         content = path.read_bytes()
+    except InputError:
+        raise
     except (OSError, ValueError) as error:
         reason = (error.strerror if isinstance(error, OSError) else None) or "its name is no name of a file"
         raise InputError(f"{path}: cannot be read ({reason}); check the path") from error
@@ -61,6 +68,22 @@ def load_mesh(path: str | Path, up: Literal["y", "z"] | None = None, keep_sheets
     for defect in json.loads(arrays["defects"].tobytes()):
         warn(path, defect)
     return trimesh.Trimesh(arrays["vertices"], arrays["faces"], process=False)
+
+
+def require_memory(path: Path) -> None:
+    """Refuse a file so large that this machine has no memory to read and repair it.
+
+    Raises:
+        InputError: with the memory that it takes.
+        OSError: the file is missing.
+    """
+    size, free = path.stat().st_size, available_memory()
+    if MEMORY_PER_BYTE * size > free:
+        raise InputError(
+            f"{path}: has {size / 1e9:.3g} GB, and reading it takes some {MEMORY_PER_BYTE * size / 1e9:.3g} GB of "
+            f"memory, of which this machine has {free / 1e9:.2g}; reduce its triangles first, for instance by the "
+            "modifier Decimate of Blender"
+        )
 
 
 def read_and_repair(

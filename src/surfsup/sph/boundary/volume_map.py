@@ -13,7 +13,7 @@ import numpy as np
 import torch
 
 from surfsup.errors import InputError
-from surfsup.scene.start import available_memory
+from surfsup.memory import available_memory
 from surfsup.sdf import Surface
 from surfsup.sph.boundary.density import VOLUME_FACTOR
 from surfsup.sph.boundary.shape_functions import CELL_NODES, OTHER_POINTS, STEPS_PER_CELL, interpolation_matrix
