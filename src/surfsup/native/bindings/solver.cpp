@@ -136,7 +136,7 @@ Mixture mixture_of(const std::optional<Liquids>& liquids, size_t count) {
     const auto& [parameters, liquid_of] = *liquids;
     if (parameters.empty() || (parameters.size() > 1 && !liquid_of))
         throw std::invalid_argument("the particles of a mixture need the numbers of their liquids");
-    Mixture mixture{parameters};
+    Mixture mixture{parameters, nullptr, {}};
     if (!liquid_of) return mixture;
     expect(liquid_of->shape(0), count, "liquid_of");
     mixture.liquid_of = liquid_of->data();
