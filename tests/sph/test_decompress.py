@@ -11,7 +11,7 @@ from surfsup.scene import Scene
 from surfsup.sph.boundary.density import solid_density
 from surfsup.sph.boundary.walls import walls_density
 from surfsup.sph.collision import CLEARANCE
-from surfsup.sph.decompress import decompressed
+from surfsup.sph.decompress import NoRoomWarning, decompressed
 from surfsup.sph.dfsph import SELF_DENSITY
 from surfsup.sph.environment import Environment
 from surfsup.sph.kernel_sums import kernel_graph, kernel_sums
@@ -50,6 +50,14 @@ def test_no_particle_is_denser_than_at_rest_afterwards_or_in_a_solid():
     assert [len(block) for block in apart.block_positions] == [len(block) for block in start.block_positions]
     assert environment.distance_and_normal(torch.from_numpy(apart.positions))[0].min() > CLEARANCE - 1e-4
     assert (apart.positions > scene.container.lower).all()
+
+
+def test_water_that_does_not_fit_gives_a_warning():
+    block = "fluid: [{block: {min: [-0.2, -0.2, 0], max: [0.2, 0.2, 0.4]}}]"
+    scene = Scene.from_yaml(f"container: {{size: [0.4, 0.4, 0.4]}}\n{block}", "test")
+    with pytest.warns(NoRoomWarning, match="more of it than fits"):
+        apart = decompressed(scene.initial_particles(None), Environment.of(scene, None))
+    assert np.isfinite(apart.positions).all() and (np.abs(apart.positions[:, :2]) < 0.2).all()
 
 
 def test_water_at_the_rest_density_stays_where_it_is():

@@ -86,7 +86,8 @@ def unattained(surface: Surface, points: Tensor, reach: float) -> tuple[Tensor, 
     missed = torch.zeros_like(near)
     depths = distance[near, None] + reach * distance.new_tensor(BEHIND)
     behind = points[near, None] - depths[:, :, None] * normal[near, None]
-    missed[near] = (surface.distance(behind.reshape(-1, 3)) > 0).reshape(depths.shape).all(dim=1)
+    with torch.no_grad():
+        missed[near] = (surface.distance(behind.reshape(-1, 3)) > 0).reshape(depths.shape).all(dim=1)
     return missed, distance, normal
 
 
@@ -113,9 +114,7 @@ class OpenCut(Surface):
 
     def distance_and_normal(self, points: Tensor) -> tuple[Tensor, Tensor]:
         """Signed distance (N,) and normal (N, 3)."""
-        with torch.no_grad():
-            missed, _, _ = unattained(self.surface, points, self.reach)
-        distance, normal = self.surface.distance_and_normal(points)
+        missed, distance, normal = unattained(self.surface, points, self.reach)
         if not bool(missed.any()):
             return distance, normal
         to_triangles, away = self.triangles.distance_and_normal(points[missed])

@@ -9,6 +9,7 @@ the density gradient. With momentum (Y. Nesterov, 1983) 60 iterations do what ta
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import replace
 
 import numpy as np
@@ -25,12 +26,19 @@ MOMENTUM = 0.9
 MAX_ITERATIONS = 300
 
 
+class NoRoomWarning(UserWarning):
+    """There is more water than fits between solids and walls at its rest density."""
+
+
 def decompressed(start: InitialParticles, environment: Environment) -> InitialParticles:
     """``start`` with its particles moved apart until none is denser than at rest; itself where none is.
 
     Args:
         start: particles in the units of the solver.
         environment: solids and container; nothing moves in it.
+
+    Warns:
+        NoRoomWarning: some stay denser than at rest.
     """
     positions = torch.from_numpy(start.positions).to(environment.lower.device)
     apart = no_denser_than_at_rest(positions, environment)
@@ -57,4 +65,10 @@ def no_denser_than_at_rest(positions: Tensor, environment: Environment) -> Tenso
         # A particle keeps its momentum only while it is pushed on: coasting would carry it beyond what it needs.
         onward = (push * change).sum(dim=1, keepdim=True) > 0
         ahead, positions = moved + MOMENTUM * onward * change, moved
+    warnings.warn(
+        "fluid: there is more of it than fits between walls and solids at its rest density, so it begins denser; begin "
+        "with less, or give it more room",
+        NoRoomWarning,
+        stacklevel=5,
+    )
     return positions

@@ -14,9 +14,8 @@ from surfsup.sph.environment import Environment
 from surfsup.sph.settle import settled
 
 MOVED = 0.1  # radii: water that is moved further on average before it begins is reported
-CORNER_DISTANCE = (
-    3.3  # radii from the walls of a corner to the first particle; nearer, a lattice is too dense (measured)
-)
+# Radii from both walls of a corner to the first particle. Nearer, a lattice is denser than at rest (measured).
+CORNER_DISTANCE = 3.3
 
 
 class OmittedParticlesWarning(UserWarning):
@@ -49,6 +48,7 @@ def start_of(scene: Scene, particles: InitialParticles, environment: Environment
     Warns:
         OmittedParticlesWarning: particles of the scene overlap the solid or each other.
         MovedApartWarning: the start is denser than at rest, so that the water was moved apart.
+        NoRoomWarning: it is denser than at rest even so.
         NotSettledWarning: water was still moving after the time limit.
     """
     environment = at_rest(environment)
