@@ -13,7 +13,7 @@ from surfsup.io.scene_poses import scene_poses
 from surfsup.io.trajectory import Trajectory
 from surfsup.scene.carriers import carrier_poses
 from surfsup.scene.solids import CONTAINER, build_solids
-from surfsup.viewing.liquid_look import look_of
+from surfsup.viewing.liquid_look import looks_of
 from surfsup.viewing.moving_mesh import MovingMesh
 from surfsup.viewing.web_player import write_web_player
 
@@ -42,7 +42,8 @@ def write_trajectory_page(file: Path, page: Path, progress: Progress) -> Path:
             file.resolve().parent.name if file.name == "trajectory.h5" else file.stem,
             trajectory.provenance.simulator,
             points_of_interest(trajectory),
-            look_of(trajectory.scene.liquid),
+            looks_of(trajectory.scene),
+            trajectory.liquids,
         )
     return page
 
