@@ -106,7 +106,7 @@ def test_blender_moves_solids(spin, tmp_path, form):
     np.testing.assert_allclose(answer, shown[-len(answer) :], atol=1e-5)
 
 
-def test_names_of_solids_are_made_names_of_prims():
+def test_solids_have_valid_and_different_names_of_prims():
     pytest.importorskip("pxr", reason="needs the extra 'export'")
     from surfsup.exporting.usd_transforms import prim_names
 

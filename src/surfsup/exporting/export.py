@@ -62,7 +62,8 @@ def export(
     seconds, velocities in m/s.
 
     Args:
-        trajectory: a trajectory file. If it was cut off, the readable frames are exported, with a warning.
+        trajectory: a trajectory file, or the folder with it. If it was cut off, the readable frames are exported, with
+            a warning.
         format: its name, such as ``vtk``, ``bgeo`` or ``usd``; docs/export.md has the list.
         out: folder for the files; it is created.
         fps: frames per second.
