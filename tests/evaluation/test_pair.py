@@ -33,6 +33,21 @@ def test_one_trajectory_is_evaluated_against_another(files, tmp_path):
     assert (report["prediction"], report["reference"]) == tuple(map(str, files))
 
 
+def test_a_fall_that_ends_above_the_solid_says_that_its_zeros_there_mean_nothing(files):
+    pair = evaluate_pair(*files)
+    assert pair.evaluation.scores[ALL]["surface"] == 0 and not pair.report()["reached_solid"]
+    assert "no particle came near a solid: Chamfer Surface and Surface Penetration are 0 there" in pair.text()
+    near = evaluate_pair(*files, threshold=0.4)  # the water is 0.4 m above the ball at first
+    assert near.report()["reached_solid"] and "no particle came near" not in near.text()
+
+
+def test_folders_of_simulations_stand_for_their_trajectories(files, tmp_path):
+    for folder, file in zip("ab", files, strict=True):
+        file.rename(tmp_path / folder / "trajectory.h5")
+    pair = evaluate_pair(tmp_path / "a", str(tmp_path / "b"))
+    assert (pair.prediction, pair.reference) == tuple(tmp_path / folder / "trajectory.h5" for folder in "ab")
+
+
 def test_the_reference_s_floor_is_shown(files):
     prediction, reference = files
     write(reference.parent / "floor/reference-1.h5", *free_fall())

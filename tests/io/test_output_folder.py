@@ -93,7 +93,9 @@ def test_a_solid_that_moves_onto_resting_particles_contains_them():
 
 def test_an_interrupt_keeps_the_finished_frames(tmp_path):
     folder = OutputFolder(tmp_path, COUNT, 12)
-    with pytest.raises(Interrupted, match=f"5 of 12 frames are kept in {folder.trajectory}"):
+    with pytest.raises(
+        Interrupted, match=f"5 of 12 frames are kept in {folder.trajectory}; .* surfsup view {tmp_path} shows"
+    ):
         record(folder, frames(stop=5))
     with Trajectory(folder.trajectory) as trajectory:
         assert len(trajectory) == 5

@@ -39,6 +39,12 @@ class Evaluation:
     scores: WindowScores
     floor: WindowScores
 
+    @property
+    def reached_solid(self) -> bool:
+        """Whether a particle of the prediction or of the reference ever came near the solid."""
+        both = (self.comparison.prediction, self.comparison.reference)
+        return any(bool((statistics.near > 0).any()) for statistics in both)
+
 
 @dataclass(frozen=True)
 class EvaluatedScene:

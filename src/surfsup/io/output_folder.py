@@ -180,6 +180,8 @@ class OutputFolder:
             if not writer.frames:
                 raise
             kept = f"{writer.frames} of {scene.frames} frames are kept in {writer.path}; --resume adds the others"
+            shown = self.path if writer.path == self.trajectory else writer.path
+            kept = f"{kept}, surfsup view {shown} shows these"
             raise Interrupted(kept) from None
         finally:
             failing = sys.exc_info()[0] is not None

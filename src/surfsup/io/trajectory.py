@@ -26,6 +26,12 @@ MAX_TIME = 1e7  # seconds, of a frame and of the start
 UNREADABLE = (OSError, RuntimeError, KeyError, TypeError, ValueError)  # that h5py raises for files that are damaged
 
 
+def trajectory_path(path: str | Path) -> Path:
+    """The trajectory file of ``path``: itself, or the ``trajectory.h5`` in it if it is a folder with one."""
+    inside = Path(path) / "trajectory.h5"
+    return inside if inside.is_file() else Path(path)
+
+
 class TrajectoryFrames:
     """The frames of a trajectory file without its scene, read from disk on demand.
 
@@ -43,16 +49,15 @@ class TrajectoryFrames:
     """
 
     def __init__(self, path: str | Path) -> None:
-        """Open the trajectory file ``path``.
+        """Open the trajectory file ``path``, or the ``trajectory.h5`` in a folder.
 
         Raises:
             InputError: the file is missing, is not HDF5, or is not a trajectory.
         """
-        self.path = path = Path(path)
+        self.path = path = trajectory_path(path)
         if not path.is_file():
-            inside = Path(path) / "trajectory.h5"
-            hint = f"; give {inside}" if inside.is_file() else ""
-            raise InputError(f"{path}: there is no such trajectory file{hint}")
+            missing = "has no trajectory.h5" if path.is_dir() else "there is no such trajectory file"
+            raise InputError(f"{path}: {missing}")
         try:
             self._file = self._open(path)
         except OSError as error:
