@@ -8,7 +8,8 @@ from surfsup.errors import InputError
 from surfsup.evaluation.pair import evaluate_pair
 from surfsup.evaluation.report import write_json
 from surfsup.evaluation.scores import ALL
-from surfsup.io.trajectory import Provenance, TrajectoryWriter
+from surfsup.io.trajectory_format import Provenance
+from surfsup.io.trajectory_writer import TrajectoryWriter
 from surfsup.scene import Fluid
 from tests.evaluation.scenes import FRAMES, SCENE, free_fall, write
 

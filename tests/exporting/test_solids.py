@@ -14,7 +14,8 @@ import pyvista
 
 import surfsup as sf
 from surfsup.exporting.export import export
-from surfsup.io.trajectory import POSES, Provenance, TrajectoryWriter
+from surfsup.io.trajectory_format import POSES, Provenance
+from surfsup.io.trajectory_writer import TrajectoryWriter
 from surfsup.native.dispatch import is_built
 from surfsup.scene import Scene
 from surfsup.scene.assembly import gltf_parts

@@ -6,7 +6,8 @@ import torch
 
 from surfsup.errors import InputError, Interrupted
 from surfsup.io.output_folder import OutputFolder, PenetrationCounter
-from surfsup.io.trajectory import Provenance, Trajectory
+from surfsup.io.trajectory import Trajectory
+from surfsup.io.trajectory_format import Provenance
 from surfsup.scene import Scene
 from surfsup.scene.pose import Pose
 from surfsup.scene.solids import MovingSolid, Solids

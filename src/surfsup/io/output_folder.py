@@ -18,7 +18,8 @@ import torch
 from surfsup import __version__
 from surfsup.errors import InputError, Interrupted
 from surfsup.io.atomic_file import atomic_file
-from surfsup.io.trajectory import Provenance, TrajectoryWriter
+from surfsup.io.trajectory_format import Provenance
+from surfsup.io.trajectory_writer import TrajectoryWriter
 from surfsup.scene import Container, Scene
 from surfsup.scene.pose import Pose
 from surfsup.scene.solids import CONTAINER, Solids

@@ -10,7 +10,9 @@ from contextlib import ExitStack
 from pathlib import Path
 
 from surfsup.errors import InputError
-from surfsup.io.trajectory import Provenance, Trajectory, TrajectoryWriter
+from surfsup.io.trajectory import Trajectory
+from surfsup.io.trajectory_format import Provenance
+from surfsup.io.trajectory_writer import TrajectoryWriter
 from surfsup.scene import Scene
 from surfsup.scene.pose import Pose
 from surfsup.simulation_state import Frame

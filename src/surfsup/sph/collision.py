@@ -40,9 +40,16 @@ def resolve_collisions(
         last: an earlier query of the solid. Particles that cannot have come near since then skip the query.
         masses: (N,) float32 of the particles of a mixture, for their impulses; in C++ only.
     """
+    in_cpp = can_run_native(positions, velocities, environment.lower, environment.upper, module=environment.surface)
     if environment.motion is not None:
+        if not in_cpp or environment.motion.requires_grad:
+            from surfsup.sph.warp_engine import moving_collision
+
+            return moving_collision.resolve_moving_collisions(
+                before, positions, velocities, environment, environment.motion
+            )
         return resolve_moving_collisions(before, positions, velocities, environment, environment.motion, masses)
-    if can_run_native(positions, velocities, environment.lower, environment.upper, module=environment.surface):
+    if in_cpp:
         return resolve_collisions_native(before, positions, velocities, environment, last, masses)
     from surfsup.sph.warp_engine import collision
 

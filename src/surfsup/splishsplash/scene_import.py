@@ -17,7 +17,7 @@ import numpy as np
 import trimesh
 import yaml
 
-from surfsup.errors import InputError
+from surfsup.errors import InputError, single_line
 from surfsup.scene import Scene, quaternion
 from surfsup.scene.particle_file import read_particles
 from surfsup.scene.pose import NO_ROTATION, Pose
@@ -311,7 +311,7 @@ def import_scene(source: Path, out: Path) -> ConvertedScene:
     except (KeyError, TypeError, AttributeError, ValueError) as error:
         if isinstance(error, InputError):
             raise
-        raise InputError(f"{source}: is no scene of SPlisHSPlasH ({' '.join(str(error).split())})") from None
+        raise InputError(f"{source}: is no scene of SPlisHSPlasH ({single_line(error)})") from None
 
 
 def field_name(entry: Json) -> str:

@@ -7,11 +7,13 @@ import warp as wp
 from torch import Tensor
 
 from surfsup import warp_runtime as runtime
+from surfsup.scene import FRAME_TIME
 from surfsup.sph.environment import Environment
 from surfsup.sph.state import ParticleState
+from surfsup.sph.warp_engine.boundary import Boundary
 from surfsup.sph.warp_engine.collision import Collisions
 from surfsup.sph.warp_engine.energy import EnergyLimiter
-from surfsup.sph.warp_engine.frame import Boundary, Frame
+from surfsup.sph.warp_engine.frame import Frame
 from surfsup.sph.warp_engine.kernels.transfer import transfer_kernels
 
 
@@ -37,6 +39,7 @@ class DeviceFrame:
         precision, device, count = self.frame.precision, self.frame.device, self.frame.count
         self.limiter = EnergyLimiter(count, environment.on_host.gravity, precision, device)
         self.collisions = Collisions(environment, state.positions)
+        self.seconds = precision.real(FRAME_TIME)
         self.before = [self.frame.unsorted() for _ in range(2)]
         self.after = [self.frame.unsorted() for _ in range(2)]
         self.contained = [self.frame.unsorted() for _ in range(2)]
@@ -51,15 +54,19 @@ class DeviceFrame:
         alike = (positions.shape, positions.dtype, positions.device) == (like.shape, like.dtype, like.device)
         return alike and self.frame.boundary is boundary and self.frame.search.capacity == capacity
 
-    def run(self, state: ParticleState, handle_collisions: bool) -> tuple[Tensor, Tensor, Tensor]:
+    def run(
+        self, state: ParticleState, handle_collisions: bool, supplied: float = 0.0
+    ) -> tuple[Tensor, Tensor, Tensor]:
         """Positions and velocities (N, 3) one frame later, and which particles (N,) a wall moved.
 
         Args:
             state: particles at the frame's start.
             handle_collisions: whether the walls move particles.
+            supplied: energy that the frame may gain, mean J/kg.
         """
         for target, value in zip(self.before, (state.positions, state.velocities), strict=True):
             target.copy_(value)
+        self.limiter.allow(supplied)
         if self.runs == 0:
             self.launch()
         else:
@@ -80,7 +87,7 @@ class DeviceFrame:
         )
         self.frame.launch(
             transfer_kernels(self.frame.precision).predict_particles,
-            [*before, self.limiter.fall],
+            [*before, self.seconds, self.limiter.fall],
             [self.predicted],
         )
         self.frame.run(before[0], before[1], self.predicted, (None, None), after)
