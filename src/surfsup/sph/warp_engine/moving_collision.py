@@ -173,7 +173,7 @@ def moved_out(obstacle: Obstacle, walls: Walls, positions: Tensor, velocities: T
 def obstacles_of(environment: Environment, motion: FrameMotion, like: Tensor) -> list[Obstacle]:
     """What stands still, then what moves, for particles on a device."""
     obstacles = [] if environment.surface is None else [Obstacle(environment.surface)]
-    start, end = motion.whole(0.0).to(like), motion.whole(1.0).to(like)
+    start, end = (motion.places(1).at(number).to(like) for number in (0, 1))
     for number, body in enumerate(motion.bodies):
         surface, box = body.surface_on(like.device), torch.from_numpy(body.box).to(like)
         obstacles.append(Obstacle(surface, box, start.of(number), end.of(number)))
@@ -183,7 +183,7 @@ def obstacles_of(environment: Environment, motion: FrameMotion, like: Tensor) ->
 def walls_of(environment: Environment, motion: FrameMotion, like: Tensor) -> Walls:
     """The walls, for particles on a device."""
     lower, upper = environment.lower.to(like) + CLEARANCE, environment.upper.to(like) - CLEARANCE
-    place = motion.whole(1.0).to(like).of(len(motion.bodies)) if motion.moves_container else None
+    place = motion.places(1).at(1).to(like).of(len(motion.bodies)) if motion.moves_container else None
     return Walls(lower, upper, place)
 
 

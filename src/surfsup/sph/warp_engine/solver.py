@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cache
 
 import torch
@@ -120,12 +121,12 @@ class WarpSolver:
                 near = None
                 if handle_collisions and environment.surface is not None and environment.motion is None:
                     near = near_list(state.positions, self.room.rows)
-                if boundary.solid == PLANE or with_gradient or boundary.moves or part != WHOLE_FRAME:
+                if boundary.solid == PLANE or with_gradient:
                     frame, result = self._step_by_operations(
                         state, environment, boundary, near, handle_collisions, with_gradient, part
                     )
                 else:
-                    frame, result = self._step_by_graph(state, environment, boundary, near, handle_collisions)
+                    frame, result = self._step_by_graph(state, environment, boundary, near, handle_collisions, part)
                 if self.room.was_enough(frame, near):
                     return result
 
@@ -136,13 +137,17 @@ class WarpSolver:
         boundary: Boundary,
         near: NearList | None,
         handle_collisions: bool,
+        part: FramePart,
     ) -> tuple[Frame, tuple[Tensor, Tensor, Tensor]]:
         """A frame that is recorded, but for the query of the solid by torch."""
-        if self._device_frame is None or not self._device_frame.serves(state, boundary, self.room.neighbors):
+        capacity, steps = self.room.neighbors, steps_of(environment, state.positions, part)
+        if self._device_frame is None or not self._device_frame.serves(state, boundary, capacity, part):
             self._device_frame = None  # its memory first
-            self._device_frame = DeviceFrame(state, environment, boundary, self.room.neighbors)
+            self._device_frame = DeviceFrame(state, environment, boundary, capacity, part, steps)
         device_frame = self._device_frame
-        contained = device_frame.run(state, handle_collisions, environment.supplied_energy)
+        contained = device_frame.run(state, handle_collisions, environment.supplied_energy, steps)
+        if handle_collisions and environment.motion is not None:
+            return device_frame.frame, moving_result(state.positions, contained, environment)
         if near is None:
             return device_frame.frame, contained
         before, collisions = state.positions, device_frame.collisions
@@ -167,14 +172,15 @@ class WarpSolver:
         frame = Frame(values[0], boundary, self.room.neighbors, keep, part, steps)
         ends = DifferentiableFrame.apply(frame, *values, distance, normal, *(steps or (None, None)), predicted.detach())
         limiter = EnergyLimiter(frame.count, boundary.acceleration, frame.precision, frame.device, part)
-        limiter.allow(environment.supplied_energy, None if frame.moving is None else frame.moving.work)
+        limiter.allow(environment.supplied_energy)
+        if frame.moving is not None:
+            limiter.allow_work(frame.moving.work)
         positions, velocities = LimitedFrame.apply(limiter, *values, *ends)
         if not handle_collisions:
             collided = torch.zeros(len(positions), dtype=torch.bool, device=positions.device)
             return frame, (positions, velocities, collided)
         if environment.motion is not None:
-            result = resolve_moving_collisions(values[0], positions, velocities, environment, environment.motion)
-            return frame, (result.positions, result.velocities, result.collided)
+            return frame, moving_result(values[0], (positions, velocities), environment)
         collisions = Collisions(environment, positions)
         contained = Contained.apply(collisions, positions, velocities)
         if near is None:
@@ -285,7 +291,14 @@ def steps_of(environment: Environment, like: Tensor, part: FramePart) -> tuple[T
         raise InputError(
             "the scene has solids that move, which this use of the solver does not know; omit their motion"
         )
-    return packed(environment.motion.steps(part.substeps), like)
+    return packed(environment.motion.places(part.substeps).steps(), like)
+
+
+def moving_result(before: Tensor, state: Sequence[Tensor], environment: Environment) -> tuple[Tensor, Tensor, Tensor]:
+    """Positions and velocities (N, 3) of a ``state`` after collisions beside what moves, and who (N,) was moved."""
+    assert environment.motion is not None
+    result = resolve_moving_collisions(before, state[0], state[1], environment, environment.motion)
+    return result.positions, result.velocities, result.collided
 
 
 def bytes_per_particle(dtype: torch.dtype, with_gradient: bool) -> int:
