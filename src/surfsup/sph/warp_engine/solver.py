@@ -20,9 +20,11 @@ from surfsup.sph.neighbor_search import find_neighbors
 from surfsup.sph.state import SUBSTEP_TIME, WHOLE_FRAME, FramePart, ParticleState
 from surfsup.sph.warp_engine.boundary import Boundary, boundary_of
 from surfsup.sph.warp_engine.collision import Collisions, Contained, NearList, leave_solid, near_list
+from surfsup.sph.warp_engine.contacts import resolve_contacts
 from surfsup.sph.warp_engine.device_frame import DeviceFrame
 from surfsup.sph.warp_engine.energy import EnergyLimiter, LimitedFrame
 from surfsup.sph.warp_engine.frame import DifferentiableFrame, Frame
+from surfsup.sph.warp_engine.impulses import ImpulseSums
 from surfsup.sph.warp_engine.kernels.adjoint import adjoint_kernels
 from surfsup.sph.warp_engine.kernels.boundary import PLANE, boundary_kernels
 from surfsup.sph.warp_engine.kernels.collision import collision_kernels
@@ -32,7 +34,6 @@ from surfsup.sph.warp_engine.kernels.search import search_kernels
 from surfsup.sph.warp_engine.kernels.substeps import substep_kernels
 from surfsup.sph.warp_engine.kernels.transfer import transfer_kernels
 from surfsup.sph.warp_engine.moving_boundary import packed
-from surfsup.sph.warp_engine.moving_collision import resolve_moving_collisions
 from surfsup.sph.warp_engine.neighbors import CAPACITY
 from surfsup.warp_runtime import precision_of
 
@@ -119,15 +120,18 @@ class WarpSolver:
         with runtime.memory_errors(count, needed, device), runtime.on_stream(device):
             while True:
                 near = None
+                sums = None if environment.impulses is None else ImpulseSums(environment, state.positions)
                 if handle_collisions and environment.surface is not None and environment.motion is None:
                     near = near_list(state.positions, self.room.rows)
-                if boundary.solid == PLANE or with_gradient:
+                if boundary.solid == PLANE or with_gradient or sums is not None:
                     frame, result = self._step_by_operations(
-                        state, environment, boundary, near, handle_collisions, with_gradient, part
+                        state, environment, boundary, near, handle_collisions, with_gradient, part, sums
                     )
                 else:
                     frame, result = self._step_by_graph(state, environment, boundary, near, handle_collisions, part)
                 if self.room.was_enough(frame, near):
+                    if sums is not None:
+                        sums.finish()
                     return result
 
     def _step_by_graph(
@@ -147,7 +151,7 @@ class WarpSolver:
         device_frame = self._device_frame
         contained = device_frame.run(state, handle_collisions, environment.supplied_energy, steps)
         if handle_collisions and environment.motion is not None:
-            return device_frame.frame, moving_result(state.positions, contained, environment)
+            return device_frame.frame, contact_result(state.positions, contained, environment)
         if near is None:
             return device_frame.frame, contained
         before, collisions = state.positions, device_frame.collisions
@@ -163,13 +167,14 @@ class WarpSolver:
         handle_collisions: bool,
         keep: bool,
         part: FramePart,
+        sums: ImpulseSums | None,
     ) -> tuple[Frame, tuple[Tensor, Tensor, Tensor]]:
         """A frame of operations that torch differentiates."""
         values = [value.contiguous() for value in (state.positions, state.velocities)]
         predicted, _ = state.ballistic(environment.gravity, part)
         distance, normal = environment.distance_and_normal(predicted) if boundary.solid == PLANE else (None, None)
         steps = steps_of(environment, values[0], part)
-        frame = Frame(values[0], boundary, self.room.neighbors, keep, part, steps)
+        frame = Frame(values[0], boundary, self.room.neighbors, keep, part, steps, sums)
         ends = DifferentiableFrame.apply(frame, *values, distance, normal, *(steps or (None, None)), predicted.detach())
         limiter = EnergyLimiter(frame.count, boundary.acceleration, frame.precision, frame.device, part)
         limiter.allow(environment.supplied_energy)
@@ -179,8 +184,8 @@ class WarpSolver:
         if not handle_collisions:
             collided = torch.zeros(len(positions), dtype=torch.bool, device=positions.device)
             return frame, (positions, velocities, collided)
-        if environment.motion is not None:
-            return frame, moving_result(values[0], (positions, velocities), environment)
+        if environment.motion is not None or sums is not None:
+            return frame, contact_result(values[0], (positions, velocities), environment, sums)
         collisions = Collisions(environment, positions)
         contained = Contained.apply(collisions, positions, velocities)
         if near is None:
@@ -294,10 +299,11 @@ def steps_of(environment: Environment, like: Tensor, part: FramePart) -> tuple[T
     return packed(environment.motion.places(part.substeps).steps(), like)
 
 
-def moving_result(before: Tensor, state: Sequence[Tensor], environment: Environment) -> tuple[Tensor, Tensor, Tensor]:
-    """Positions and velocities (N, 3) of a ``state`` after collisions beside what moves, and who (N,) was moved."""
-    assert environment.motion is not None
-    result = resolve_moving_collisions(before, state[0], state[1], environment, environment.motion)
+def contact_result(
+    before: Tensor, state: Sequence[Tensor], environment: Environment, sums: ImpulseSums | None = None
+) -> tuple[Tensor, Tensor, Tensor]:
+    """Positions and velocities (N, 3) of a ``state`` after collisions, and who (N,) was moved."""
+    result = resolve_contacts(before, state[0], state[1], environment, sums)
     return result.positions, result.velocities, result.collided
 
 
