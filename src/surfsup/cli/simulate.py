@@ -34,7 +34,7 @@ def simulate(
     Example: surfsup simulate bunny.obj -o out/bunny
     """
     from surfsup.continuation import Continuation
-    from surfsup.io.trajectory import Provenance
+    from surfsup.io.trajectory_format import Provenance
     from surfsup.learned.loading import load_simulator
     from surfsup.simulation import Simulation
     from surfsup.sph.device import choose_device

@@ -18,7 +18,8 @@ import torch
 from surfsup import __version__
 from surfsup.errors import InputError, Interrupted
 from surfsup.io.atomic_file import atomic_file
-from surfsup.io.trajectory import Provenance, TrajectoryWriter
+from surfsup.io.trajectory_format import Provenance
+from surfsup.io.trajectory_writer import TrajectoryWriter
 from surfsup.scene import Container, Scene
 from surfsup.scene.pose import Pose
 from surfsup.scene.solids import CONTAINER, Solids
@@ -180,6 +181,8 @@ class OutputFolder:
             if not writer.frames:
                 raise
             kept = f"{writer.frames} of {scene.frames} frames are kept in {writer.path}; --resume adds the others"
+            shown = self.path if writer.path == self.trajectory else writer.path
+            kept = f"{kept}, surfsup view {shown} shows these"
             raise Interrupted(kept) from None
         finally:
             failing = sys.exc_info()[0] is not None

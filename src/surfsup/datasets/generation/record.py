@@ -10,8 +10,9 @@ import h5py
 from surfsup.datasets.generation.checked_simulation import CheckedSimulation
 from surfsup.datasets.generation.scene_sampler import SceneSampler
 from surfsup.datasets.generation.statistics import Moments
-from surfsup.errors import InputError
-from surfsup.io.trajectory import GROUP, TrajectoryWriter
+from surfsup.errors import InputError, single_line
+from surfsup.io.trajectory_format import GROUP
+from surfsup.io.trajectory_writer import TrajectoryWriter
 
 RECORD_GROUP = "data_set"
 REJECTIONS = "set_aside"  # the attribute's name in files since version 0.1
@@ -66,7 +67,7 @@ class GenerationRecord:
                     Moments.from_attributes(attributes),
                 )
         except (OSError, KeyError, TypeError, ValueError) as error:
-            reason = " ".join(str(error).split())
+            reason = single_line(error)
             raise InputError(
                 f"{path}: was cut off, or not made by 'surfsup generate' ({reason}); move it away"
             ) from None
