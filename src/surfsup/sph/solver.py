@@ -95,7 +95,7 @@ class DfsphSolver(Simulator[ParticleState]):
 
         Raises:
             SimulationError: a position is not finite, or the particles have collapsed into a clump.
-            InputError: there is a liquid, or forces are requested, and the C++ code cannot run.
+            InputError: there is a liquid, and the C++ code cannot run.
         """
         if environment.moving is not None:
             return step_among_moving(self._step_part, state, environment, handle_collisions)
@@ -115,11 +115,6 @@ class DfsphSolver(Simulator[ParticleState]):
             raise InputError(
                 "liquids run in the C++ code only: on the CPU, in single precision, without gradients; use --device "
                 "cpu, see 'surfsup doctor' for what the C++ code needs, or omit 'liquid'"
-            )
-        if environment.impulses is not None:
-            raise InputError(
-                "forces on solids are computed by the C++ code only: on the CPU, in single precision, without "
-                "gradients; use --device cpu, and see 'surfsup doctor' for what the C++ code needs"
             )
         positions, velocities, collided = self.warp.step(state, environment, handle_collisions, part)
         return ParticleState(positions, velocities), collided

@@ -57,6 +57,13 @@ class MovingDensity:
         for kernel, inputs in self._launches(number):
             self.frame.launch(kernel, [positions, *self.steps, *inputs], [*density, self.approach])
 
+    def evaluate_one(self, positions: wp.array, number: int, index: int, density: list[wp.array]) -> None:
+        """Write density and gradient (N,) of one of those that move in a substep, walls last; no other changes."""
+        kernel, inputs = self._launches(number)[index]
+        for array in density:
+            array.zero_()
+        self.frame.launch(kernel, [positions, *self.steps, *inputs], [*density, self.frame.reals(zero=True)])
+
     def add_work(self, pressure: wp.array) -> None:
         """Add the work of the substep, in which the particles have the pressures (N,)."""
         self.frame.launch(self.kernels.add_work, [pressure, self.approach], [self.work])

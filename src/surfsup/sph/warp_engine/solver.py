@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cache
 
 import torch
@@ -19,9 +20,11 @@ from surfsup.sph.neighbor_search import find_neighbors
 from surfsup.sph.state import SUBSTEP_TIME, WHOLE_FRAME, FramePart, ParticleState
 from surfsup.sph.warp_engine.boundary import Boundary, boundary_of
 from surfsup.sph.warp_engine.collision import Collisions, Contained, NearList, leave_solid, near_list
+from surfsup.sph.warp_engine.contacts import resolve_contacts
 from surfsup.sph.warp_engine.device_frame import DeviceFrame
 from surfsup.sph.warp_engine.energy import EnergyLimiter, LimitedFrame
 from surfsup.sph.warp_engine.frame import DifferentiableFrame, Frame
+from surfsup.sph.warp_engine.impulses import ImpulseSums
 from surfsup.sph.warp_engine.kernels.adjoint import adjoint_kernels
 from surfsup.sph.warp_engine.kernels.boundary import PLANE, boundary_kernels
 from surfsup.sph.warp_engine.kernels.collision import collision_kernels
@@ -31,7 +34,6 @@ from surfsup.sph.warp_engine.kernels.search import search_kernels
 from surfsup.sph.warp_engine.kernels.substeps import substep_kernels
 from surfsup.sph.warp_engine.kernels.transfer import transfer_kernels
 from surfsup.sph.warp_engine.moving_boundary import packed
-from surfsup.sph.warp_engine.moving_collision import resolve_moving_collisions
 from surfsup.sph.warp_engine.neighbors import CAPACITY
 from surfsup.warp_runtime import precision_of
 
@@ -118,15 +120,18 @@ class WarpSolver:
         with runtime.memory_errors(count, needed, device), runtime.on_stream(device):
             while True:
                 near = None
+                sums = None if environment.impulses is None else ImpulseSums(environment, state.positions)
                 if handle_collisions and environment.surface is not None and environment.motion is None:
                     near = near_list(state.positions, self.room.rows)
-                if boundary.solid == PLANE or with_gradient or boundary.moves or part != WHOLE_FRAME:
+                if boundary.solid == PLANE or with_gradient or sums is not None:
                     frame, result = self._step_by_operations(
-                        state, environment, boundary, near, handle_collisions, with_gradient, part
+                        state, environment, boundary, near, handle_collisions, with_gradient, part, sums
                     )
                 else:
-                    frame, result = self._step_by_graph(state, environment, boundary, near, handle_collisions)
+                    frame, result = self._step_by_graph(state, environment, boundary, near, handle_collisions, part)
                 if self.room.was_enough(frame, near):
+                    if sums is not None:
+                        sums.finish()
                     return result
 
     def _step_by_graph(
@@ -136,13 +141,17 @@ class WarpSolver:
         boundary: Boundary,
         near: NearList | None,
         handle_collisions: bool,
+        part: FramePart,
     ) -> tuple[Frame, tuple[Tensor, Tensor, Tensor]]:
         """A frame that is recorded, but for the query of the solid by torch."""
-        if self._device_frame is None or not self._device_frame.serves(state, boundary, self.room.neighbors):
+        capacity, steps = self.room.neighbors, steps_of(environment, state.positions, part)
+        if self._device_frame is None or not self._device_frame.serves(state, boundary, capacity, part):
             self._device_frame = None  # its memory first
-            self._device_frame = DeviceFrame(state, environment, boundary, self.room.neighbors)
+            self._device_frame = DeviceFrame(state, environment, boundary, capacity, part, steps)
         device_frame = self._device_frame
-        contained = device_frame.run(state, handle_collisions, environment.supplied_energy)
+        contained = device_frame.run(state, handle_collisions, environment.supplied_energy, steps)
+        if handle_collisions and environment.motion is not None:
+            return device_frame.frame, contact_result(state.positions, contained, environment)
         if near is None:
             return device_frame.frame, contained
         before, collisions = state.positions, device_frame.collisions
@@ -158,23 +167,25 @@ class WarpSolver:
         handle_collisions: bool,
         keep: bool,
         part: FramePart,
+        sums: ImpulseSums | None,
     ) -> tuple[Frame, tuple[Tensor, Tensor, Tensor]]:
         """A frame of operations that torch differentiates."""
         values = [value.contiguous() for value in (state.positions, state.velocities)]
         predicted, _ = state.ballistic(environment.gravity, part)
         distance, normal = environment.distance_and_normal(predicted) if boundary.solid == PLANE else (None, None)
         steps = steps_of(environment, values[0], part)
-        frame = Frame(values[0], boundary, self.room.neighbors, keep, part, steps)
+        frame = Frame(values[0], boundary, self.room.neighbors, keep, part, steps, sums)
         ends = DifferentiableFrame.apply(frame, *values, distance, normal, *(steps or (None, None)), predicted.detach())
         limiter = EnergyLimiter(frame.count, boundary.acceleration, frame.precision, frame.device, part)
-        limiter.allow(environment.supplied_energy, None if frame.moving is None else frame.moving.work)
+        limiter.allow(environment.supplied_energy)
+        if frame.moving is not None:
+            limiter.allow_work(frame.moving.work)
         positions, velocities = LimitedFrame.apply(limiter, *values, *ends)
         if not handle_collisions:
             collided = torch.zeros(len(positions), dtype=torch.bool, device=positions.device)
             return frame, (positions, velocities, collided)
-        if environment.motion is not None:
-            result = resolve_moving_collisions(values[0], positions, velocities, environment, environment.motion)
-            return frame, (result.positions, result.velocities, result.collided)
+        if environment.motion is not None or sums is not None:
+            return frame, contact_result(values[0], (positions, velocities), environment, sums)
         collisions = Collisions(environment, positions)
         contained = Contained.apply(collisions, positions, velocities)
         if near is None:
@@ -285,7 +296,15 @@ def steps_of(environment: Environment, like: Tensor, part: FramePart) -> tuple[T
         raise InputError(
             "the scene has solids that move, which this use of the solver does not know; omit their motion"
         )
-    return packed(environment.motion.steps(part.substeps), like)
+    return packed(environment.motion.places(part.substeps).steps(), like)
+
+
+def contact_result(
+    before: Tensor, state: Sequence[Tensor], environment: Environment, sums: ImpulseSums | None = None
+) -> tuple[Tensor, Tensor, Tensor]:
+    """Positions and velocities (N, 3) of a ``state`` after collisions, and who (N,) was moved."""
+    result = resolve_contacts(before, state[0], state[1], environment, sums)
+    return result.positions, result.velocities, result.collided
 
 
 def bytes_per_particle(dtype: torch.dtype, with_gradient: bool) -> int:
