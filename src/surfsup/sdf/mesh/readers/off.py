@@ -60,7 +60,7 @@ def polygons(rows: list[list[str]], count: int) -> tuple[list[int], list[int]]:
     the other, without colors.
 
     Raises:
-        ValueError, IndexError: there are too few words, or one is not an integer.
+        ValueError, IndexError: there are too few words or too many, or one is not an integer.
     """
     if any(len(row) <= int(row[0]) for row in rows[:count]) or len(rows) < count:
         words = [word for row in rows for word in row]
@@ -73,5 +73,7 @@ def polygons(rows: list[list[str]], count: int) -> tuple[list[int], list[int]]:
             at += size + 1
         if at > len(words):
             raise ValueError("it ends within a face")
+        if at < len(words):  # a word that is missing further up would shift all that follow
+            raise ValueError(f"it has {len(words) - at} numbers more than its counts announce")
     sizes = [int(row[0]) for row in rows[:count]]
     return sizes, [int(word) for size, row in zip(sizes, rows, strict=False) for word in row[1 : size + 1]]
