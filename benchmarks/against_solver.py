@@ -80,7 +80,8 @@ def mean_timing(frame: Callable[[], Any], frames: int) -> Timing:
 def time_surfsup(scene: Scene, simulator_name: str, use_native: bool) -> Timing:
     """A rollout that is written frame by frame, in this process."""
     from surfsup import native
-    from surfsup.io.trajectory import Provenance, TrajectoryWriter
+    from surfsup.io.trajectory_format import Provenance
+    from surfsup.io.trajectory_writer import TrajectoryWriter
     from surfsup.simulation import Simulation
 
     if not use_native:

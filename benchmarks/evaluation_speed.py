@@ -19,7 +19,8 @@ import numpy as np
 from surfsup.evaluation.compare import THREADS
 from surfsup.evaluation.evaluate import evaluate_trajectory
 from surfsup.evaluation.scores import ALL
-from surfsup.io.trajectory import Provenance, TrajectoryWriter
+from surfsup.io.trajectory_format import Provenance
+from surfsup.io.trajectory_writer import TrajectoryWriter
 from surfsup.learned.loading import DEFAULT_SIMULATOR
 from surfsup.scene import InitialParticles, Scene
 from surfsup.simulation import Simulation

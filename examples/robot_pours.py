@@ -17,7 +17,8 @@ import mujoco
 import numpy as np
 
 import surfsup as sf
-from surfsup.io.trajectory import Provenance, TrajectoryWriter
+from surfsup.io.trajectory_format import Provenance
+from surfsup.io.trajectory_writer import TrajectoryWriter
 
 RADIUS, WALL, HEIGHT = 0.11, 0.02, 0.3  # meters: of the inside of the cup
 SIDE = 0.18  # meters: of the arm beside the plane in which the cup moves

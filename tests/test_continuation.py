@@ -9,7 +9,7 @@ import pytest
 from surfsup import InputError, Scene, Simulation, Trajectory
 from surfsup.continuation import Continuation
 from surfsup.io.output_folder import OutputFolder
-from surfsup.io.trajectory import Provenance
+from surfsup.io.trajectory_format import Provenance
 
 SCENE = """
 surface: {sphere: {radius: 0.15}, at: [0, 0, 0.15]}

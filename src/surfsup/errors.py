@@ -11,6 +11,16 @@ def printable(text: str) -> str:
     return "".join(one if one.isprintable() else one.encode("unicode_escape").decode() for one in text)
 
 
+def single_line(error: BaseException) -> str:
+    """The message of another library's error, which may have several lines, as one.
+
+    Examples:
+        >>> single_line(ValueError("no\\n  header"))
+        'no header'
+    """
+    return " ".join(str(error).split())
+
+
 class InputError(ValueError):
     """The user's input is unusable.
 

@@ -6,7 +6,8 @@ import pytest
 
 from surfsup.errors import InputError
 from surfsup.io.cut_off import open_readable
-from surfsup.io.trajectory import GROUP, Trajectory
+from surfsup.io.trajectory import Trajectory
+from surfsup.io.trajectory_format import GROUP
 from tests.evaluation.scenes import SCENE, free_fall, write
 
 NAME = f"{GROUP}/position"

@@ -158,8 +158,8 @@ def test_an_evaluation_writes_a_report_and_its_rollout_can_be_compared_again(tmp
         (["compare", "SCENE", "nothing.h5"], "not a trajectory"),
         (["compare", "nothing.h5", "SCENE"], "there is no such trajectory file"),
         (["view", "SCENE"], "not a trajectory"),
-        (["export", "FOLDER", "--to", "vtk"], "there is no such trajectory file; give FOLDER/trajectory.h5"),
-        (["render", "FOLDER/trajectory.h5", "-o", "one.png"], "--frame writes a .png"),
+        (["export", "STANDARD", "--to", "vtk"], "STANDARD: has no trajectory.h5"),
+        (["render", "FOLDER", "-o", "one.png"], "--frame writes a .png"),
     ],
 )
 def test_bad_input_prints_one_line_exits_with_status_2_and_writes_nothing(arguments, message, scene, tmp_path):

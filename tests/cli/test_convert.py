@@ -7,6 +7,7 @@ import yaml
 
 from tests.cli.test_export import surfsup  # noqa: F401
 
+FIELD = {"particleField": "velocity", "expression_x": "t"}
 BLOCK = {"start": [-0.2, 0, -0.2], "end": [0.2, 0.4, 0.2]}
 
 
@@ -30,16 +31,16 @@ def test_there_and_back(file, tmp_path, surfsup):  # noqa: F811
 
 
 def test_what_is_missing_is_refused_without_partial(file, tmp_path, surfsup):  # noqa: F811
-    source, out = file(AnimationFields=[{}], Configuration={"sim2D": True}), tmp_path / "ours.yaml"
+    source, out = file(AnimationFields=[FIELD], Configuration={"sim2D": True}), tmp_path / "ours.yaml"
     status, _, errors = surfsup("convert", source, "-o", out)
-    missing = "1 animation field; two dimensions"
+    missing = "the animation field of velocity = (t, 0, 0); two dimensions"
     assert (status, errors) == (
         2,
         f"surfsup: {source}: has what surfsup does not: {missing}. --partial converts the rest\n",
     )
     assert not out.exists()
     status, printed, _ = surfsup("convert", source, "-o", out, "--partial")
-    assert (status, printed) == (0, f"left out: 1 animation field\nleft out: two dimensions\nscene  {out}\n")
+    assert (status, printed) == (0, f"left out: {missing.replace('; ', chr(10) + 'left out: ')}\nscene  {out}\n")
     assert out.exists()
 
 

@@ -7,7 +7,8 @@ import torch
 
 from surfsup.datasets.windows import Window, Windows, random_symmetry
 from surfsup.errors import InputError
-from surfsup.io.trajectory import VELOCITY_STEP, Provenance, TrajectoryWriter
+from surfsup.io.trajectory_format import VELOCITY_STEP, Provenance
+from surfsup.io.trajectory_writer import TrajectoryWriter
 from surfsup.learned.registry import LEARNED_SIMULATORS
 from surfsup.scene import Scene
 from surfsup.sph.environment import Environment

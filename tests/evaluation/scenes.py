@@ -6,7 +6,8 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from surfsup.io.trajectory import Provenance, TrajectoryWriter
+from surfsup.io.trajectory_format import Provenance
+from surfsup.io.trajectory_writer import TrajectoryWriter
 from surfsup.scene import Scene
 from surfsup.sph.state import ParticleState
 

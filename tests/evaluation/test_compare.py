@@ -5,7 +5,9 @@ import torch
 
 from surfsup.evaluation.compare import compare
 from surfsup.evaluation.metrics import chamfer, kd_tree, max_density
-from surfsup.io.trajectory import Provenance, Trajectory, TrajectoryWriter
+from surfsup.io.trajectory import Trajectory
+from surfsup.io.trajectory_format import Provenance
+from surfsup.io.trajectory_writer import TrajectoryWriter
 from surfsup.scene import Scene
 from surfsup.scene.solids import build_solids
 from tests.evaluation.scenes import FRAMES, SCENE, free_fall, write

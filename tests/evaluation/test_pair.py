@@ -8,7 +8,8 @@ from surfsup.errors import InputError
 from surfsup.evaluation.pair import evaluate_pair
 from surfsup.evaluation.report import write_json
 from surfsup.evaluation.scores import ALL
-from surfsup.io.trajectory import Provenance, TrajectoryWriter
+from surfsup.io.trajectory_format import Provenance
+from surfsup.io.trajectory_writer import TrajectoryWriter
 from surfsup.scene import Fluid
 from tests.evaluation.scenes import FRAMES, SCENE, free_fall, write
 
@@ -30,6 +31,21 @@ def test_one_trajectory_is_evaluated_against_another(files, tmp_path):
     assert report["windows"]["all"]["chamfer"]["prediction"] == pair.evaluation.scores[ALL]["chamfer"]
     assert len(report["curves"]["chamfer"]["prediction"]) == FRAMES
     assert (report["prediction"], report["reference"]) == tuple(map(str, files))
+
+
+def test_a_fall_that_ends_above_the_solid_says_that_its_zeros_there_mean_nothing(files):
+    pair = evaluate_pair(*files)
+    assert pair.evaluation.scores[ALL]["surface"] == 0 and not pair.report()["reached_solid"]
+    assert "no particle came near a solid: Chamfer Surface and Surface Penetration are 0 there" in pair.text()
+    near = evaluate_pair(*files, threshold=0.4)  # the water is 0.4 m above the ball at first
+    assert near.report()["reached_solid"] and "no particle came near" not in near.text()
+
+
+def test_folders_of_simulations_stand_for_their_trajectories(files, tmp_path):
+    for folder, file in zip("ab", files, strict=True):
+        file.rename(tmp_path / folder / "trajectory.h5")
+    pair = evaluate_pair(tmp_path / "a", str(tmp_path / "b"))
+    assert (pair.prediction, pair.reference) == tuple(tmp_path / folder / "trajectory.h5" for folder in "ab")
 
 
 def test_the_reference_s_floor_is_shown(files):

@@ -1,6 +1,10 @@
 """Solids that move."""
 
+import json
 import shutil
+import subprocess
+import sys
+from importlib.util import find_spec
 from pathlib import Path
 
 import h5py
@@ -10,7 +14,8 @@ import pyvista
 
 import surfsup as sf
 from surfsup.exporting.export import export
-from surfsup.io.trajectory import POSES, Provenance, TrajectoryWriter
+from surfsup.io.trajectory_format import POSES, Provenance
+from surfsup.io.trajectory_writer import TrajectoryWriter
 from surfsup.native.dispatch import is_built
 from surfsup.scene import Scene
 from surfsup.scene.assembly import gltf_parts
@@ -53,15 +58,61 @@ def test_a_solid_that_moves_is_in_every_frame_with_its_velocity(spin, tmp_path):
     np.testing.assert_array_equal(middle["velocity"][~moved], 0)
 
 
-def test_usd_has_a_moving_solid_as_time_samples(spin, tmp_path):
+@pytest.mark.parametrize("up", ["z", "y"])
+def test_usd_has_moving_solids_as_transforms_with_time_samples(spin, tmp_path, up):
     pytest.importorskip("pxr", reason="needs the extra 'export'")
     from pxr import Usd, UsdGeom
 
-    export(spin, "usd", tmp_path, fps=16, what="solid")
+    export(spin, "usd", tmp_path, fps=16, what="solid", up=up)
     stage = Usd.Stage.Open(str(tmp_path / "water.usdc"))
-    solid = UsdGeom.Mesh(stage.GetPrimAtPath("/Water/Solid"))
-    assert solid.GetPointsAttr().GetTimeSamples() == [1, 2, 3, 4, 5]
-    assert len(solid.GetVelocitiesAttr().Get(3)) == len(solid.GetPointsAttr().Get(3))
+    assert (stage.GetStartTimeCode(), stage.GetEndTimeCode()) == (1, 5)
+    paddle, still = (UsdGeom.Mesh(stage.GetPrimAtPath(f"/Water/Solid/{name}")) for name in ("paddle", "still"))
+    assert not paddle.GetPointsAttr().GetTimeSamples() and not still.GetXformOpOrderAttr().HasValue()
+    assert [op.GetOpName() for op in paddle.GetOrderedXformOps()] == ["xformOp:translate", "xformOp:orient"]
+    assert all(op.GetTimeSamples() == [1, 2, 3, 4, 5] for op in paddle.GetOrderedXformOps())
+    own = np.array(paddle.GetPointsAttr().Get())
+    export(spin, "vtk", tmp_path, fps=32, what="solid", up=up)
+    for code in (1, 3, 5, 2.5):  # the last is between two samples
+        there = np.array([paddle.ComputeLocalToWorldTransform(code).Transform(point) for point in own.tolist()])
+        shown = pyvista.read(tmp_path / f"solid.{round(2 * code - 1):04d}.vtk").points
+        paddle_shown, still_shown = shown[-len(own) :], shown[: -len(own)]
+        np.testing.assert_allclose(there, paddle_shown, atol=1e-5)
+        np.testing.assert_allclose(np.array(still.GetPointsAttr().Get()), still_shown, atol=1e-6)
+
+
+WHERE = """
+import bpy, json, sys
+if sys.argv[1].endswith(".abc"):
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    bpy.context.scene.render.fps = 16
+    bpy.ops.wm.alembic_import(filepath=sys.argv[1], set_frame_range=True, as_background_job=False)
+else:
+    bpy.ops.wm.open_mainfile(filepath=sys.argv[1])
+bpy.context.scene.frame_set(3)
+graph = bpy.context.evaluated_depsgraph_get()
+paddle = bpy.data.objects["paddle"].evaluated_get(graph)
+print("ANSWER", json.dumps([list(paddle.matrix_world @ point.co) for point in paddle.data.vertices]))
+"""
+
+
+@pytest.mark.skipif(find_spec("bpy") is None, reason="needs the package bpy")
+@pytest.mark.parametrize("form", ["blender", "alembic"])
+def test_blender_moves_solids(spin, tmp_path, form):
+    done = export(spin, form, tmp_path, fps=16, what="solid")
+    command = [sys.executable, "-c", WHERE, done.files[0]]
+    printed = subprocess.run(command, capture_output=True, text=True, check=True).stdout
+    answer = json.loads(next(line for line in printed.splitlines() if line.startswith("ANSWER")).partition(" ")[2])
+    export(spin, "vtk", tmp_path, fps=16, what="solid")
+    shown = pyvista.read(tmp_path / "solid.0003.vtk").points
+    np.testing.assert_allclose(answer, shown[-len(answer) :], atol=1e-5)
+
+
+def test_solids_have_valid_and_different_names_of_prims():
+    pytest.importorskip("pxr", reason="needs the extra 'export'")
+    from surfsup.exporting.usd_transforms import prim_names
+
+    names = prim_names(["cup 1", "cup-1", "still", "2nd"], taken="still")
+    assert names == {"cup 1": "cup_1", "cup-1": "cup_1_2", "still": "still_2", "2nd": "_nd"}
 
 
 def test_walls_that_moved_away_do_not_stop_particles_between_two_frames(tmp_path):

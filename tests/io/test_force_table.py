@@ -9,7 +9,9 @@ import pytest
 import surfsup as sf
 from surfsup.errors import InputError
 from surfsup.io.force_table import recorded_solids, write_force_table
-from surfsup.io.trajectory import Provenance, Trajectory, TrajectoryWriter
+from surfsup.io.trajectory import Trajectory
+from surfsup.io.trajectory_format import Provenance
+from surfsup.io.trajectory_writer import TrajectoryWriter
 from surfsup.native.dispatch import is_built
 from surfsup.scene import Scene
 from surfsup.scene.wrench import Wrench

@@ -12,7 +12,8 @@ WRITE = """
 import resource, sys
 import numpy as np
 from pathlib import Path
-from surfsup.io.trajectory import Provenance, TrajectoryWriter
+from surfsup.io.trajectory_format import Provenance
+from surfsup.io.trajectory_writer import TrajectoryWriter
 from surfsup.scene import Scene
 
 scene = Scene.from_yaml("fluid: [{block: {min: [0, 0, 1], max: [0.1, 0.1, 1.1]}}]", "test")

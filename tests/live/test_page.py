@@ -15,7 +15,8 @@ import pytest
 
 import surfsup as sf
 from surfsup.live import serve
-from surfsup.live.page import LivePage, colors_of, speed_colors, tilted_gravity
+from surfsup.live.drawn_water import colors_of, speed_colors
+from surfsup.live.page import LivePage, tilted_gravity
 from surfsup.live.serve import LiveServer
 from surfsup.live.world import LiveWorld
 from surfsup.scene import Scene
@@ -144,11 +145,11 @@ def test_water_is_poured_recorded_and_tilted_and_the_solid_moves(served, page):
     wait_for(lambda: world._gravity[0] < -0.1)
 
     page.get_by_role("combobox", name="viscosity").click()
-    page.get_by_role("option", name="0.3 m²/s").click()
+    page.get_by_role("option", name="0.3").click()
     wait_for(lambda: world.simulation._liquid is not None and world.simulation._liquid.viscosity == 0.3)
 
     page.get_by_role("combobox", name="radius").click()
-    page.get_by_role("option", name="20 mm").click()
+    page.get_by_role("option", name="20").click()
     wait_for(lambda: world.scene.particle_radius == 0.02)
 
 

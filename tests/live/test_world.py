@@ -244,3 +244,35 @@ def test_water_of_a_tap_is_recorded(world, monkeypatch):
         for number, frame in enumerate(frames):
             np.testing.assert_array_equal(trajectory.ids(number), frame.ids)
             np.testing.assert_array_equal(trajectory.positions[number][frame.ids], frame.positions)
+
+
+TWO_LIQUIDS = """
+container: {size: [0.5, 0.5, 0.6]}
+fluid:
+- block: {min: [-0.2, -0.2, 0.02], max: [0.2, 0.2, 0.2]}
+- {block: {min: [-0.2, -0.2, 0.22], max: [0, 0, 0.32]}, liquid: oil}
+"""
+
+
+def test_either_of_two_liquids_is_poured_and_comes_from_the_tap_and_is_recorded(tmp_path):
+    world = LiveWorld(Scene.from_yaml(TWO_LIQUIDS, "test"), tmp_path)
+    start = np.bincount(world.frame.liquids)
+    world.start_recording()
+    world.step()
+    assert world.pour((0.12, 0.12, 0.45), (0.1, 0.1, 0.1), liquid=1) == 8
+    assert world.pour((0.12, -0.12, 0.45), (0.1, 0.1, 0.1)) == 8
+    np.testing.assert_array_equal(np.bincount(world.frame.liquids), start + 8)
+    world.open_tap((-0.1, 0.1, 0.5), 0.05, 6.0, liquid=1)
+    for _ in range(30):
+        frame = world.step()
+    water, oil = np.bincount(frame.liquids) - start
+    assert water == 8 and oil > 8 + 10
+    path = world.stop_recording()
+    with sf.Trajectory(path) as trajectory:
+        assert trajectory.scene.mixture == world.scene.mixture
+        ids = trajectory.ids(len(trajectory) - 1)
+        np.testing.assert_array_equal(trajectory.liquids[ids], frame.liquids)
+    world.reset()
+    np.testing.assert_array_equal(np.bincount(world.frame.liquids), start)
+    world.set_particle_radius(0.02)
+    assert set(world.frame.liquids) == {0, 1}

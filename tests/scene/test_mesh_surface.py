@@ -4,7 +4,9 @@ import torch
 import trimesh
 
 from surfsup.errors import InputError
-from surfsup.io.trajectory import Provenance, Trajectory, TrajectoryWriter
+from surfsup.io.trajectory import Trajectory
+from surfsup.io.trajectory_format import Provenance
+from surfsup.io.trajectory_writer import TrajectoryWriter
 from surfsup.scene import Block, Container, Scene, load_mesh
 from surfsup.scene.from_surface import Placement, scene_from_surface
 from surfsup.sdf import Surface

@@ -3,7 +3,8 @@ import pytest
 import pyvista
 
 from surfsup.errors import InputError
-from surfsup.io.trajectory import Provenance, TrajectoryWriter
+from surfsup.io.trajectory_format import Provenance
+from surfsup.io.trajectory_writer import TrajectoryWriter
 from surfsup.scene import Block, ParticleFile, Scene
 from surfsup.scene.particle_file import read_particles
 from surfsup.sdf import Sphere

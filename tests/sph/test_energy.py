@@ -9,7 +9,7 @@ from surfsup import native
 from surfsup.sph.energy import MAX_ENERGY_GAIN, energy_gain, limit_energy_gain
 from surfsup.sph.environment import Environment
 from surfsup.sph.solver import DfsphSolver
-from surfsup.sph.state import FramePart, ParticleState
+from surfsup.sph.state import WHOLE_FRAME, FramePart, ParticleState
 from surfsup.sph.warp_engine import energy as in_warp
 
 GRAVITY = torch.tensor([0.0, 0.0, -9.81])
@@ -54,15 +54,6 @@ def limit(request, monkeypatch):
     return lambda state, positions, velocities: limit_energy_gain(state, positions, velocities, NOTHING)
 
 
-def test_warp_refuses_the_work_of_moving_solids_and_parts_of_a_frame(monkeypatch):
-    monkeypatch.setattr("surfsup.sph.energy.can_run_native", lambda *_: False)
-    state = water()
-    step = state.ballistic(GRAVITY)
-    for other in ({"supplied": 0.1}, {"part": FramePart(0.002, 2)}):
-        with pytest.raises(AssertionError, match="moving solids"):
-            limit_energy_gain(state, *step, NOTHING, **other)
-
-
 def test_a_step_that_gains_nothing_does_not_change(limit):
     state = water()
     positions, velocities = state.ballistic(GRAVITY)
@@ -99,15 +90,20 @@ def test_motion_is_ballistic_where_no_bound_suffices(limit):
 
 
 @pytest.mark.skipif(not native.instruction_sets(), reason="the package was built without a compiler")
-@given(seed=st.integers(0, 2**32 - 1), excess=st.floats(0, 40))
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    excess=st.floats(0, 40),
+    part=st.sampled_from([WHOLE_FRAME, FramePart(0.002, 2)]),
+    supplied=st.sampled_from([0.0, 0.1, 30.0]),
+)
 @settings(max_examples=20)
-def test_cpp_and_warp_limit_alike(seed, excess):
+def test_cpp_and_warp_limit_alike(seed, excess, part, supplied):
     state = water(200, seed)
-    positions, velocities = state.ballistic(GRAVITY)
+    positions, velocities = state.ballistic(GRAVITY, part)
     random = torch.Generator().manual_seed(seed)
     after = positions + 0.01 * torch.randn(200, 3, generator=random), velocities * (1 + excess)
-    expected = limit_energy_gain(state, *after, NOTHING)
-    found = in_warp.limit_energy_gain(state, *after, GRAVITY)
+    expected = limit_energy_gain(state, *after, NOTHING, part, supplied)
+    found = in_warp.limit_energy_gain(state, *after, GRAVITY, part, supplied)
     torch.testing.assert_close(found, expected, atol=1e-5, rtol=1e-5)
 
 

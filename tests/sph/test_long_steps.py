@@ -3,7 +3,7 @@ import math
 import pytest
 import torch
 
-from surfsup.sph.long_steps import MAX_PART_PATH, STEP_TIME, parts_of_step, relative_speed
+from surfsup.sph.long_steps import LONG_STEP, MAX_PART_PATH, parts_of_step, relative_speed
 from surfsup.sph.state import SUBSTEP_TIME, ParticleState
 
 GRAVITY = torch.tensor([0.0, 0.0, -9.81])
@@ -24,12 +24,12 @@ def substeps_of(state: ParticleState) -> int:
 
 def test_shallow_water_at_rest_takes_three_substeps():
     (part,) = parts_of_step(water(0.06), GRAVITY)
-    assert (part.seconds, part.substeps) == (STEP_TIME, 3)
+    assert (part.seconds, part.substeps) == (LONG_STEP, 3)
 
 
 def test_substeps_are_inverse_to_the_depth_of_water_at_rest():
     shallow, deep = substeps_of(water(0.2)), substeps_of(water(0.4))
-    assert shallow == math.ceil(0.1 * 9.81 * STEP_TIME / 2e-3)
+    assert shallow == math.ceil(0.1 * 9.81 * LONG_STEP / 2e-3)
     assert deep in (2 * shallow - 1, 2 * shallow)
 
 
@@ -37,7 +37,7 @@ def test_substeps_are_inverse_to_the_depth_of_water_at_rest():
 def test_fast_water_searches_its_neighbors_more_often(speed, parts):
     found = parts_of_step(water(0.0, speed=speed), GRAVITY)
     assert len(found) == parts and len(set(found)) == 1
-    assert sum(part.seconds for part in found) == pytest.approx(STEP_TIME)
+    assert sum(part.seconds for part in found) == pytest.approx(LONG_STEP)
     assert speed > 5 or speed * found[0].seconds <= MAX_PART_PATH
 
 

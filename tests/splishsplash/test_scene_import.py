@@ -7,8 +7,11 @@ import numpy as np
 import pytest
 import trimesh
 
-from surfsup import InputError, Scene
+from surfsup import InputError, Liquid, Scene
+from surfsup.scene import quaternion
+from surfsup.scene.solids import build_solids
 from surfsup.sph.liquid import LiquidForces
+from surfsup.splishsplash.joints import MOTOR
 from surfsup.splishsplash.scene_import import import_scene
 
 WALLS = {
@@ -20,6 +23,7 @@ BODY = {
     "id": 1, "geometryFile": "box.obj", "translation": [0, 1, 0.5], "scale": [0.4, 0.3, 0.2], "isDynamic": True,
     "density": 200, "velocity": [0, 0, 1],
 }  # fmt: skip
+HINGE = {"bodyID1": 1, "bodyID2": 0, "position": [0.1, 1, 0.5], "axis": [0, 1, 0]}
 SCENE = {
     "Configuration": {"particleRadius": 0.025, "gravitation": [0, -9.81, 0], "simulationMethod": 4, "stopAt": 2},
     "Materials": [{"id": "Fluid", "density0": 1000, "viscosityMethod": 1, "Standard viscosity": {"viscosity": 0.01}}],
@@ -113,6 +117,59 @@ def test_a_body_that_moves_freely_floats(converted):
     np.testing.assert_allclose(body.at, [0, -0.5, 1])
 
 
+def test_a_body_on_a_hinge_turns_about_an_axle(converted):
+    scene, missing = converted(RigidBodies=[WALLS, BODY], HingeJoints=[HINGE])
+    assert missing == []
+    body = scene.surfaces["box-1"].rigid_body
+    assert (body.axle.axis, body.axle.point, body.velocity) == ((0, 0, 1), (0.1, -0.5, 1), (0, 0, 0))
+
+
+@pytest.mark.parametrize(("ends", "rate"), [((1, 0), 6), ((0, 1), -6)])
+def test_a_motor_turns_its_body_by_the_target_as_the_solver_does(converted, ends, rate):
+    """With the target -6 the body of MotorScene, its first one, turns at +6 about the axis (run by SPlisHSPlasH)."""
+    joint = {**HINGE, "bodyID1": ends[0], "bodyID2": ends[1], "target": -6}
+    scene, missing = converted(RigidBodies=[WALLS, BODY], TargetVelocityMotorHingeJoints=[joint])
+    assert missing == []
+    surface = scene.surfaces["box-1"]
+    assert surface.rigid_body is None
+    spin = surface.motion.spin
+    assert (spin.axis, spin.point, spin.rate) == ((0, 0, 1), (0.1, -0.5, 1), rate)
+
+
+@pytest.mark.parametrize(("repeats", "turn"), [(True, 1.25), (False, 2.5)])
+def test_a_motor_with_a_sequence_of_targets_follows_it(converted, repeats, turn):
+    joint = {**HINGE, "targetSequence": [0, -5, 1, 5, 2, -5], "repeatSequence": repeats}
+    turned = {**BODY, "rotationAxis": [0, 1, 0], "rotationAngle": 0.3}
+    scene, missing = converted(
+        RigidBodies=[WALLS, turned],
+        TargetVelocityMotorHingeJoints=[joint],
+        Configuration={**SCENE["Configuration"], "stopAt": 3},
+    )
+    assert missing == []
+    solid = build_solids(scene).moving[0]
+    for time, angle in ((0, 0), (0.5, 1.25), (1, 0), (1.5, -1.25), (2, 0), (2.5, turn)):
+        pose = solid.pose(time)
+        assert quaternion.logarithm(pose.rotation)[2] == pytest.approx(0.3 + angle, abs=1e-3)
+        arm = [-0.1 * math.cos(angle), -0.1 * math.sin(angle)]
+        np.testing.assert_allclose(pose.position[:2], [0.1 + arm[0], -0.5 + arm[1]], atol=1e-3)
+
+
+def test_materials_that_differ_become_liquids_that_do_not_mix(converted):
+    materials = [
+        {"id": "a", "density0": 1000, "Standard viscosity": {"viscosity": 0.01}},
+        {"id": "b", "density0": 500, "Standard viscosity": {"viscosity": 0.027}},
+        {"id": "of no fluid", "density0": 1, "Peer et al. 2015": {"viscosity": 1}},
+    ]
+    emitter = {"id": "b", "width": 8, "height": 3, "translation": [-1.2, 0.75, 0.5], "velocity": 2}
+    scene, missing = converted(
+        Materials=materials, FluidBlocks=[{**BLOCK, "id": "a"}, {**BLOCK, "id": "b"}], Emitters=[emitter]
+    )
+    assert missing == []
+    light = Liquid(viscosity=0.02, friction=0, density=500)
+    assert scene.mixture == (Liquid(density=1000), light)
+    assert [entry.liquid for entry in scene.fluid] == [Liquid(density=1000), light] and scene.taps[0].liquid == light
+
+
 def with_viscosity(method, **coefficients):
     return {"Materials": [{"id": "Fluid", "density0": 900, "viscosityMethod": 6, method: coefficients}]}
 
@@ -160,16 +217,21 @@ def test_emitters_become_taps(converted):
     ("changes", "message"),
     [
         ({"Emitters": [{}], "Materials": [{"id": "Fluid", "emitterReuseParticles": True}]}, "emitters that take back"),
-        ({"AnimationFields": [{}]}, "1 animation field"),
+        (
+            {"AnimationFields": [{"particleField": "velocity", "expression_x": "cos(2*t)"}]},
+            "the animation field of velocity = (cos(2*t), 0, 0)",
+        ),
         ({"Configuration": {**SCENE["Configuration"], "sim2D": True}}, "two dimensions"),
         ({"Configuration": {**SCENE["Configuration"], "scriptFile": "a.py"}}, "the script a.py"),
         ({"Materials": [{"surfaceTensionMethod": 5}]}, "surface tension of another method than Akinci et al. 2013"),
-        ({"Materials": [{"Peer et al. 2015": {"viscosity": 0.05}}]}, "viscosities of 0.05 (Peer et al. 2015)"),
-        ({"Materials": [{"density0": 1000}, {"density0": 500}]}, "liquids of different densities"),
+        ({"Materials": [{"Peer et al. 2015": {"viscosity": 0.05}}]}, "the viscosity of 0.05 (Peer et al. 2015)"),
+        ({"RigidBodies": [WALLS, BODY], "BallJoints": [{"bodyID1": 1, "bodyID2": 0}]}, "1 BallJoints"),
+        ({"RigidBodies": [WALLS, BODY], "BallJoints": [{"bodyID1": 1, "bodyID2": 0}]}, "1 hangs on a joint"),
         (
-            {"RigidBodies": [WALLS, BODY], "TargetVelocityMotorHingeJoints": [{"bodyID1": 1, "bodyID2": 0}]},
-            "on a joint",
+            {"RigidBodies": [WALLS, BODY, {**BODY, "id": 2}], "HingeJoints": [{**HINGE, "bodyID2": 2}]},
+            "a hinge between bodies that both move",
         ),
+        ({"RigidBodies": [WALLS, BODY], "HingeJoints": [HINGE, HINGE]}, "a body on several joints"),
     ],
 )
 def test_what_we_do_not_have_is_listed(converted, changes, message):
@@ -195,6 +257,14 @@ def test_what_we_do_not_have_is_listed(converted, changes, message):
         (json.dumps({**SCENE, "Emitters": [{"width": "wide"}]}), "is no scene of SPlisHSPlasH"),
         (json.dumps({**SCENE, "Emitters": [{"translation": [0, 0]}]}), "translation must be three numbers"),
         (json.dumps({**SCENE, "RigidBodies": 3}), "is no scene of SPlisHSPlasH"),
+        (
+            json.dumps({**SCENE, "RigidBodies": [WALLS, BODY], "HingeJoints": [{**HINGE, "axis": [0, 0]}]}),
+            "a joint needs a position and an axis",
+        ),
+        (
+            json.dumps({**SCENE, "RigidBodies": [WALLS, BODY], MOTOR: [{**HINGE, "targetSequence": [0, 1, 0, 2]}]}),
+            "the times of a targetSequence must increase",
+        ),
         (json.dumps({**SCENE, "Configuration": {"particleRadius": 5}}), "must be from 0.001 to 0.1 m"),
     ],
 )

@@ -10,7 +10,9 @@ import pytest
 import torch
 
 from surfsup.errors import InputError
-from surfsup.io.trajectory import Provenance, Trajectory, TrajectoryWriter
+from surfsup.io.trajectory import Trajectory
+from surfsup.io.trajectory_format import Provenance
+from surfsup.io.trajectory_writer import TrajectoryWriter
 from surfsup.scene import FRAME_TIME, Block, Scene
 from surfsup.scene.solids import build_solids
 from surfsup.simulation import Simulation

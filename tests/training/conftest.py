@@ -7,7 +7,8 @@ import pytest
 import torch
 
 from surfsup.datasets.windows import Windows
-from surfsup.io.trajectory import Provenance, TrajectoryWriter
+from surfsup.io.trajectory_format import Provenance
+from surfsup.io.trajectory_writer import TrajectoryWriter
 from surfsup.learned.corrected.simulator import CorrectedArchitecture, CorrectedSimulator
 from surfsup.scene import Scene
 from surfsup.sph.environment import Environment

@@ -12,8 +12,12 @@ from surfsup.cli.progress import progress_bar
 
 
 def compare(
-    prediction: Annotated[Path, typer.Argument(metavar="TRAJECTORY", help="The trajectory to evaluate.")],
-    reference: Annotated[Path, typer.Argument(metavar="REFERENCE", help="The reference, of the same scene.")],
+    prediction: Annotated[
+        Path, typer.Argument(metavar="TRAJECTORY", help="The trajectory to evaluate, or its folder.")
+    ],
+    reference: Annotated[
+        Path, typer.Argument(metavar="REFERENCE", help="The reference, of the same scene, or its folder.")
+    ],
     out: Annotated[Path | None, typer.Option("-o", "--out", help="A JSON file for the numbers and curves.")] = None,
     near: Near = None,
 ) -> None:
@@ -21,7 +25,7 @@ def compare(
 
     Both are of the same scene. The table shows the floor of the reference, if there is one.
 
-    Example: surfsup compare out/bunny/trajectory.h5 out/bunny-reference/trajectory.h5
+    Example: surfsup compare out/bunny out/bunny-reference
     """
     from surfsup.evaluation.pair import evaluate_pair
     from surfsup.evaluation.report import make_folder, write_json

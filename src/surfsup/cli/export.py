@@ -48,7 +48,7 @@ def export(
 ) -> None:
     """Write a trajectory for other programs.
 
-    Example: surfsup export out/bunny/trajectory.h5 --to vtk
+    Example: surfsup export out/bunny --to vtk
     """
     from surfsup.exporting.export import export as write_export
     from surfsup.viewing.reconstruction import Reconstruction

@@ -20,7 +20,7 @@ def forces(
     forces.csv and forces.png are written next to the trajectory. Its scene must have the key 'forces: all', or a list
     of solids there.
 
-    Example: surfsup forces out/boat/trajectory.h5
+    Example: surfsup forces out/boat
     """
     from surfsup.io.force_table import recorded_solids, write_force_table
     from surfsup.io.trajectory import Trajectory

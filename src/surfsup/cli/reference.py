@@ -25,7 +25,7 @@ def reference(
     Example: surfsup reference bunny.obj -o out/bunny-reference
     """
     from surfsup.io.output_folder import OutputFrame
-    from surfsup.io.trajectory import Provenance
+    from surfsup.io.trajectory_format import Provenance
     from surfsup.scene.solids import build_solids
     from surfsup.scene.start import entering_particles
     from surfsup.simulation import Simulation

@@ -40,7 +40,8 @@ class SceneOptions:
         float | None, typer.Option(help="Particle radius in meters, 0.001 to 0.1; 0.015 by default.")
     ] = None
     restart: Annotated[
-        Path | None, typer.Option(help="A trajectory; the scene begins with its last frame, and its time continues.")
+        Path | None,
+        typer.Option(help="A trajectory or its folder; the scene begins with its last frame, and its time continues."),
     ] = None
     fit: Annotated[
         float | None, typer.Option(help="Largest extent of the scaled surface in meters; 0.7 by default.")
@@ -112,10 +113,12 @@ class SceneOptions:
             yield from frames
 
     def _with_changes(self, scene: Scene) -> Scene:
+        from surfsup.io.trajectory import trajectory_path
+
         return scene.with_changes(
             particle_radius=self.particle_radius,
             fps=self.fps,
             duration=self.duration,
             frames=self.frames,
-            restart=None if self.restart is None else self.restart.resolve(),
+            restart=None if self.restart is None else trajectory_path(self.restart).resolve(),
         )

@@ -38,7 +38,7 @@ def simulate(
     """
     from surfsup.continuation import Continuation
     from surfsup.errors import InputError
-    from surfsup.io.trajectory import Provenance
+    from surfsup.io.trajectory_format import Provenance
     from surfsup.learned.loading import DEFAULT_SIMULATOR, FAST_SIMULATOR, load_simulator
     from surfsup.simulation import Simulation
     from surfsup.sph.device import choose_device

@@ -13,7 +13,18 @@ from surfsup.cli.progress import progress_bar
 if TYPE_CHECKING:
     from surfsup.viewing.camera import ViewDirection
 
-TrajectoryFile = Annotated[Path, typer.Argument(metavar="TRAJECTORY", help="A trajectory.h5.")]
+
+def trajectory_file(path: Path) -> Path:
+    """The trajectory file of an argument, which may be the folder of a simulation."""
+    from surfsup.io.trajectory import trajectory_path
+
+    return trajectory_path(path)
+
+
+TrajectoryFile = Annotated[
+    Path,
+    typer.Argument(metavar="TRAJECTORY", help="A trajectory.h5, or the folder with one.", callback=trajectory_file),
+]
 
 
 def output_file(out: Path | None, beside: Path, name: str) -> Path:
@@ -40,7 +51,7 @@ def view(
 ) -> None:
     """Write the page of a trajectory.
 
-    Example: surfsup view out/bunny/trajectory.h5
+    Example: surfsup view out/bunny
     """
     from surfsup.viewing.trajectory_page import write_trajectory_page
 
@@ -102,7 +113,7 @@ def render(
 
     With --frame it renders a picture of one frame.
 
-    Example: surfsup render out/bunny/trajectory.h5 --fps 60 --size 1280x720 --turntable
+    Example: surfsup render out/bunny --fps 60 --size 1280x720 --turntable
     """
     from surfsup.viewing.graphics import require_graphics
     from surfsup.viewing.trajectory_pictures import write_frame_picture, write_trajectory_video

@@ -18,7 +18,8 @@ from surfsup.design.rollout import all_frames, crossing_point
 from surfsup.design.run import DesignRun
 from surfsup.design.shape_files import write_shape
 from surfsup.design.task import Task
-from surfsup.io.trajectory import Provenance, TrajectoryWriter
+from surfsup.io.trajectory_format import Provenance
+from surfsup.io.trajectory_writer import TrajectoryWriter
 from surfsup.scene import Scene, Shape
 from surfsup.scene.shapes import MeshShape
 from surfsup.sph.simulator import Simulator

@@ -7,7 +7,7 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 
-from surfsup.errors import InputError
+from surfsup.errors import InputError, single_line
 from surfsup.evaluation.compare import Comparison, compare
 from surfsup.evaluation.load_trajectories import ReferenceTrajectory
 from surfsup.evaluation.rollout import write_rollout
@@ -38,6 +38,12 @@ class Evaluation:
     floor_comparisons: list[Comparison]
     scores: WindowScores
     floor: WindowScores
+
+    @property
+    def reached_solid(self) -> bool:
+        """Whether a particle of the prediction or of the reference ever came near the solid."""
+        both = (self.comparison.prediction, self.comparison.reference)
+        return any(bool((statistics.near > 0).any()) for statistics in both)
 
 
 @dataclass(frozen=True)
@@ -85,7 +91,7 @@ def evaluate_trajectory(
         try:
             comparison, *repeats = compare(opened[0], opened[1:], threshold, progress)
         except OSError as error:
-            raise InputError(f"{prediction} or {reference}: is damaged ({' '.join(str(error).split())})") from None
+            raise InputError(f"{prediction} or {reference}: is damaged ({single_line(error)})") from None
         surface, particles = opened[0].scene.surface_kind, opened[0].positions.shape[1]
     floor = mean_scores([compute_scores(repeat) for repeat in repeats])
     return Evaluation(surface, particles, comparison, repeats, compute_scores(comparison), floor)

@@ -13,7 +13,7 @@ from surfsup.evaluation.floor import FLOOR_HINT
 from surfsup.evaluation.load_trajectories import SkippedFile, load_floors, scene_difference
 from surfsup.evaluation.report import Json, definitions, evaluation_entry
 from surfsup.evaluation.table import trajectory_text
-from surfsup.io.trajectory import Trajectory
+from surfsup.io.trajectory import Trajectory, trajectory_path
 from surfsup.scene import NEAR_SURFACE_DISTANCE
 
 
@@ -64,7 +64,7 @@ def evaluate_pair(
     """Evaluate the trajectory file ``prediction`` against ``reference``, over the frames that both have.
 
     Args:
-        prediction: a trajectory file.
+        prediction: a trajectory file, or the folder with it.
         reference: another one of the same scene.
         threshold: meters; particles closer to the solid count for Chamfer Surface. Six particle radii by default.
         progress: called with the numbers of finished and of all frames.
@@ -81,7 +81,7 @@ def evaluate_pair(
         >>> print(sf.evaluate("network.h5", "solver.h5").text())
         network.h5 (surfsup) against solver.h5 (dfsph)...
     """
-    prediction, reference = Path(prediction), Path(reference)
+    prediction, reference = trajectory_path(prediction), trajectory_path(reference)
     with Trajectory(prediction) as one, Trajectory(reference) as other:
         check_same_units((reference, prediction), (other, one))
         frame_time = other.frame_time

@@ -150,6 +150,7 @@ def evaluation_entry(evaluation: Evaluation) -> Json:
         "particles": evaluation.particles,
         "frames": len(evaluation.comparison),
         "repeats": len(evaluation.floor_comparisons),
+        "reached_solid": evaluation.reached_solid,
         "windows": score_entries(evaluation.scores, evaluation.floor, ratio),
         "curves": curves(evaluation.comparison, evaluation.floor_comparisons),
     }

@@ -10,7 +10,9 @@ import numpy as np
 import torch
 
 from surfsup.errors import SimulationError
-from surfsup.io.trajectory import Provenance, Trajectory, TrajectoryWriter
+from surfsup.io.trajectory import Trajectory
+from surfsup.io.trajectory_format import Provenance
+from surfsup.io.trajectory_writer import TrajectoryWriter
 from surfsup.scene import FRAME_TIME
 from surfsup.scene.pose import Pose
 from surfsup.scene.solids import build_solids

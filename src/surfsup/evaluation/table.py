@@ -35,6 +35,7 @@ def evaluation_text(
             if settings.handle_collisions:
                 shares = [scene.collided_share for scene in scenes if scene.reference.data_set == one.name]
                 lines.append(collision_line(shares))
+            lines += far_lines([scene.evaluation for scene in scenes if scene.reference.data_set == one.name])
             lines.append("")
     return "\n".join([*lines, *legend(), *skipped_lines(skipped)])
 
@@ -69,7 +70,16 @@ def trajectory_text(evaluation: Evaluation) -> str:
             for window, scores in evaluation.scores.items()
         ]
         lines += [*header(metrics, with_floor), *rows(values, metrics, with_floor), ""]
-    return "\n".join([*lines, *legend()])
+    return "\n".join([*lines, *far_lines([evaluation]), *legend()])
+
+
+def far_lines(evaluations: Sequence[Evaluation]) -> list[str]:
+    """The number of scenes in which the solid was not reached, whose zeros at the solid say nothing."""
+    far = sum(not evaluation.reached_solid for evaluation in evaluations)
+    if not far:
+        return []
+    where = "no particle came" if len(evaluations) == 1 else f"in {far} of {len(evaluations)} scenes no particle came"
+    return [f"{where} near a solid: Chamfer Surface and Surface Penetration are 0 there and say nothing"]
 
 
 def settings_text(settings: EvaluationSettings) -> str:

@@ -7,19 +7,21 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 
 from surfsup.errors import InputError
 from surfsup.exporting.sequence import check_overwrite
 from surfsup.exporting.up_axis import UpAxis
 from surfsup.exporting.usd import UsdWriter
+from surfsup.viewing.liquid_look import Rgb
 
 SCRIPT = Path(__file__).with_name("alembic_script.py")
 
 
-def open_writer(folder: Path, fps: float, up: UpAxis, overwrite: bool) -> AlembicWriter:
+def open_writer(folder: Path, fps: float, up: UpAxis, overwrite: bool, colors: Sequence[Rgb]) -> AlembicWriter:
     """A writer of ``water.abc`` in ``folder``."""
-    return AlembicWriter(folder, fps, up, overwrite)
+    return AlembicWriter(folder, fps, up, overwrite, colors)
 
 
 class AlembicWriter(UsdWriter):
@@ -28,12 +30,12 @@ class AlembicWriter(UsdWriter):
     Its upward axis is y: Blender turns everything. The file appears under its name only when it is complete.
     """
 
-    def __init__(self, folder: Path, fps: float, up: UpAxis, overwrite: bool) -> None:
+    def __init__(self, folder: Path, fps: float, up: UpAxis, overwrite: bool, colors: Sequence[Rgb]) -> None:
         """Write into ``folder``; see :class:`UsdWriter`."""
         self._fps, self._alembic = float(fps), folder / "water.abc"
         self._unfinished = folder / ".water.partial.abc"
         check_overwrite([self._alembic], overwrite)
-        super().__init__(folder / ".water.alembic.usdc", fps, up, overwrite=True)
+        super().__init__(folder / ".water.alembic.usdc", fps, up, True, colors)
 
     def finish(self) -> list[Path]:
         """Complete the file and return it.

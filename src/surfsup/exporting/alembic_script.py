@@ -34,7 +34,7 @@ def main(source: str, target: str, fps: float) -> None:
     scene.render.fps = max(1, round(fps))  # an integer; its base is a number
     scene.render.fps_base = scene.render.fps / fps
     bpy.ops.wm.usd_import(filepath=source, set_frame_range=True)
-    written = [objects[name] for name in ("Surface", "Solid") if name in objects]
+    written = [each for each in objects if each.type == "MESH"]
     if "Particles" in objects:
         objects["Particles"].name = "Cloud"
         written.append(as_vertices(objects["Cloud"]))

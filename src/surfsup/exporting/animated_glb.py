@@ -9,7 +9,7 @@ import numpy as np
 import trimesh
 
 from surfsup.exporting.solids import SolidMeshes
-from surfsup.exporting.up_axis import turned
+from surfsup.exporting.up_axis import pose_with_up_axis, turned
 from surfsup.scene.pose import Pose
 
 FLOAT = 5126
@@ -62,9 +62,10 @@ def animated(solids: SolidMeshes, times: Sequence[float]) -> bytes:
 
 def y_up(poses: Sequence[Pose]) -> tuple[np.ndarray, np.ndarray]:
     """Positions (K, 3) and quaternions (K, 4) x, y, z, w of poses, with y up; neighbors take the shorter way."""
-    positions = turned(np.array([pose.position for pose in poses]))
-    rotations = np.array([pose.rotation for pose in poses])
+    turned_poses = [pose_with_up_axis(pose, "y") for pose in poses]
+    positions = np.array([pose.position for pose in turned_poses])
+    rotations = np.array([pose.rotation for pose in turned_poses])
     for number in range(1, len(rotations)):
         if rotations[number] @ rotations[number - 1] < 0:
             rotations[number] *= -1
-    return positions, np.concatenate([turned(rotations[:, 1:]), rotations[:, :1]], axis=1)
+    return positions, np.roll(rotations, -1, axis=1)

@@ -15,6 +15,7 @@ import bpy
 
 FOLDER = Path(__file__).resolve().parent
 FPS = 24.0  # frames per second of water.usdc
+TINTS = {"Surface": (0.6, 0.85, 1.0)}  # of the liquids by their surfaces
 
 
 def shader(owner: bpy.types.Material | bpy.types.World, kind: str) -> bpy.types.ShaderNode:
@@ -41,14 +42,15 @@ def main() -> None:
     scene.render.fps = max(1, round(FPS))  # an integer; its base is a number
     scene.render.fps_base = scene.render.fps / FPS
     bpy.ops.wm.usd_import(filepath=str(FOLDER / "water.usdc"), set_frame_range=True)
-    water = material("Water", (0.6, 0.85, 1.0), Roughness=0.02, IOR=1.333, Transmission_Weight=1.0)
     drops = material("Drops", (0.1, 0.35, 0.7), Roughness=0.2)
     solid = material("Solid", (0.55, 0.5, 0.45), Roughness=0.6)
-    for name, chosen in {"Surface": water, "Particles": drops, "Solid": solid}.items():
-        if name in objects:
-            objects[name].data.materials.clear()
-            objects[name].data.materials.append(chosen)
-    if "Surface" in objects and "Particles" in objects:
+    for shape in [each for each in objects if each.data is not None]:
+        chosen = drops if shape.name == "Particles" else solid
+        if shape.name in TINTS:
+            chosen = material("Water", TINTS[shape.name], Roughness=0.02, IOR=1.333, Transmission_Weight=1.0)
+        shape.data.materials.clear()
+        shape.data.materials.append(chosen)
+    if "Particles" in objects and any(name in objects for name in TINTS):
         objects["Particles"].hide_render = True
         objects["Particles"].hide_set(True)
 

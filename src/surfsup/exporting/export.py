@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import closing
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -14,7 +14,7 @@ from surfsup.errors import InputError
 from surfsup.exporting.formats import Format, What, Writer, check_export
 from surfsup.exporting.frames import Interpolation, frame_count, resample
 from surfsup.exporting.keyframes import KeyframeWriter
-from surfsup.exporting.mesh_frame import water_surface
+from surfsup.exporting.mesh_frame import liquid_surfaces
 from surfsup.exporting.sequence import SequenceWriter
 from surfsup.exporting.solids import SolidMeshes, pose_at
 from surfsup.exporting.source import FrameSource
@@ -26,6 +26,7 @@ from surfsup.io.trajectory import Trajectory
 from surfsup.scene.solids import CONTAINER, Solids, build_solids
 from surfsup.scene.units import Units
 from surfsup.sph.environment import Environment
+from surfsup.viewing.liquid_look import Rgb, display_colors
 from surfsup.viewing.reconstruction import Reconstruction
 
 
@@ -61,7 +62,8 @@ def export(
     seconds, velocities in m/s.
 
     Args:
-        trajectory: a trajectory file. If it was cut off, the readable frames are exported, with a warning.
+        trajectory: a trajectory file, or the folder with it. If it was cut off, the readable frames are exported, with
+            a warning.
         format: its name, such as ``vtk``, ``bgeo`` or ``usd``; docs/export.md has the list.
         out: folder for the files; it is created.
         fps: frames per second.
@@ -94,14 +96,21 @@ def export(
                 f"{trajectory}: has {frames} frames of {particles} particles, so there is nothing to export"
             )
         folder = writable_folder(Path(out))
-        with closing(open_writer(form, folder, fps, axis, overwrite, contents)) as writer:
+        colors = display_colors(opened.scene)
+        with closing(open_writer(form, folder, fps, axis, overwrite, contents, colors)) as writer:
             return write(opened, writer, contents, fps, axis, reconstruction or Reconstruction(), progress)
 
 
 def open_writer(
-    form: Format, folder: Path, fps: float, up: UpAxis, overwrite: bool, contents: tuple[What, ...]
+    form: Format,
+    folder: Path,
+    fps: float,
+    up: UpAxis,
+    overwrite: bool,
+    contents: tuple[What, ...],
+    colors: Sequence[Rgb],
 ) -> Writer:
-    """The writer of a format.
+    """The writer of a format, for liquids of these ``colors``.
 
     Raises:
         InputError: there is an older export, and ``overwrite`` is false.
@@ -110,7 +119,7 @@ def open_writer(
         return KeyframeWriter(folder, form, overwrite, contents)
     if form.suffix:
         return SequenceWriter(folder, form, overwrite, contents)
-    return form.load("open_writer")(folder, fps, up, overwrite)
+    return form.load("open_writer")(folder, fps, up, overwrite, colors)
 
 
 def write(
@@ -129,7 +138,7 @@ def write(
             writer.solid(with_up_axis(solids.still, up))
         elif len(contents) == 1:
             raise InputError("the scene of the trajectory has no solid, so there is nothing to export")
-    source, done = FrameSource(trajectory), 0
+    source, done, liquids = FrameSource(trajectory), 0, len(trajectory.scene.mixture)
     if contents != ("solid",) or (solids and solids.move):
         total = frame_count(len(trajectory), trajectory.frame_time, fps)
         for frame in resample(source, trajectory.frame_time, fps, interpolation(trajectory)):
@@ -138,7 +147,8 @@ def write(
             if solids and solids.move:
                 writer.moving_solids(solids, frame.time, up)
             if "surface" in contents:
-                writer.surface(with_up_axis(water_surface(frame, reconstruction), up))
+                for surface in liquid_surfaces(frame, liquids, reconstruction):
+                    writer.surface(with_up_axis(surface, up))
             done += 1
             progress(done, total)
         if not done:

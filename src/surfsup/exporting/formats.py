@@ -29,7 +29,7 @@ class Writer(Protocol):
         """Write the particles of the next frame."""
 
     def surface(self, frame: MeshFrame) -> None:
-        """Write the water's surface of the next frame."""
+        """Write the water's surface of the next frame; of several liquids one after the other."""
 
     def solid(self, frame: MeshFrame) -> None:
         """Write the solid, once, if it stands still."""

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import trimesh
 
-from surfsup.exporting.frames import ParticleFrame
+from surfsup.exporting.frames import ParticleFrame, selected
 from surfsup.viewing.reconstruction import Reconstruction
 
 
@@ -21,6 +21,7 @@ class MeshFrame:
         triangles: (T, 3) int32, counterclockwise from outside.
         normals: (V, 3) float32, unit, outwards.
         velocities: (V, 3) float32, m/s.
+        liquid: number of the liquid whose surface it is, in a scene of several.
     """
 
     time: float
@@ -28,6 +29,19 @@ class MeshFrame:
     triangles: np.ndarray
     normals: np.ndarray
     velocities: np.ndarray
+    liquid: int | None = None
+
+
+def liquid_surfaces(frame: ParticleFrame, count: int, reconstruction: Reconstruction) -> list[MeshFrame]:
+    """The surface of the water, or of each of ``count`` liquids by itself, empty where it has no particles.
+
+    Raises:
+        SimulationError: there is no surface around these particles.
+    """
+    if frame.liquids is None or count < 2:
+        return [water_surface(frame, reconstruction)]
+    parts = [selected(frame, np.flatnonzero(frame.liquids == number)) for number in range(count)]
+    return [replace(water_surface(part, reconstruction), liquid=number) for number, part in enumerate(parts)]
 
 
 def water_surface(frame: ParticleFrame, reconstruction: Reconstruction) -> MeshFrame:

@@ -14,12 +14,13 @@ from surfsup.exporting.solids import SolidMeshes
 from surfsup.exporting.up_axis import UpAxis, with_up_axis
 from surfsup.io.atomic_file import atomic_file
 
-NUMBER = r"\.\d{4,}"
+LIQUID, NUMBER = r"-\d+", r"\.\d{4,}"
 
 
 class SequenceWriter:
     """Writes ``particles.0001.ply``, ``surface.0001.ply`` and so on, and ``solid.ply``.
 
+    Of several liquids each has a surface, ``surface-0.0001.ply``, ``surface-1.0001.ply``.
     Every file appears under its name only when it is complete.
     """
 
@@ -39,7 +40,7 @@ class SequenceWriter:
         self._times: dict[str, list[float]] = {}
         self._to_open: list[Path] = []
         suffixes = "|".join(re.escape(suffix) for suffix in (form.suffix, form.collection) if suffix)
-        pattern = re.compile(f"({'|'.join(contents)})({NUMBER})?({suffixes})")
+        pattern = re.compile(f"({'|'.join(contents)})({LIQUID})?({NUMBER})?({suffixes})")
         old = sorted(path for path in folder.iterdir() if pattern.fullmatch(path.name))
         remove_older_export(old, overwrite)
 
@@ -48,8 +49,9 @@ class SequenceWriter:
         self._next("particles", self._format.load("particles"), frame)
 
     def surface(self, frame: MeshFrame) -> None:
-        """Write the water's surface of the next frame."""
-        self._next("surface", self._format.load("mesh"), frame)
+        """Write the water's surface of the next frame, or that of one of several liquids."""
+        name = "surface" if frame.liquid is None else f"surface-{frame.liquid}"
+        self._next(name, self._format.load("mesh"), frame)
 
     def solid(self, frame: MeshFrame) -> None:
         """Write the solid."""
@@ -63,14 +65,15 @@ class SequenceWriter:
 
     def finish(self) -> list[Path]:
         """List the files by their times, if the format has such lists; return the files to open."""
+        opened = []
         for name, times in self._times.items():
             first = self._folder / self._name(name, 1)
             if self._format.collection:
                 files = ((time, self._name(name, number)) for number, time in enumerate(times, start=1))
                 first = self._folder / f"{name}{self._format.collection}"
                 write_file(first, self._format.load("collection")(files))
-            self._to_open.insert(0, first)
-        return self._to_open
+            opened.append(first)
+        return [*opened, *self._to_open]
 
     def close(self) -> None:
         """Nothing is incomplete."""

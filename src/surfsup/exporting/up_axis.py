@@ -9,6 +9,7 @@ import numpy as np
 
 from surfsup.exporting.frames import ParticleFrame
 from surfsup.exporting.mesh_frame import MeshFrame
+from surfsup.scene.pose import Pose
 
 UpAxis = Literal["y", "z"]
 VECTORS = ("positions", "velocities", "vertices", "normals")  # fields of frames that turn with the axes
@@ -21,6 +22,14 @@ def with_up_axis(frame: AnyFrame, up: UpAxis) -> AnyFrame:
         return frame
     vectors: dict[str, Any] = {name: turned(values) for name, values in vars(frame).items() if name in VECTORS}
     return replace(frame, **vectors)
+
+
+def pose_with_up_axis(pose: Pose, up: UpAxis) -> Pose:
+    """The pose with ``up`` as its upward axis, of a solid whose own frame has it too."""
+    if up == "z":
+        return pose
+    position, axis = turned(np.stack([pose.position, pose.rotation[1:]]))
+    return Pose(position, np.array([pose.rotation[0], *axis]))
 
 
 def turned(vectors: np.ndarray) -> np.ndarray:

@@ -6,6 +6,7 @@ require for motion blur.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -13,27 +14,34 @@ from pxr import Gf, Sdf, Tf, Usd, UsdGeom, Vt
 
 from surfsup.errors import InputError
 from surfsup.exporting.frames import ParticleFrame
-from surfsup.exporting.mesh_frame import MeshFrame
+from surfsup.exporting.mesh_frame import MeshFrame, solid_mesh
 from surfsup.exporting.sequence import check_overwrite
 from surfsup.exporting.solids import SolidMeshes
 from surfsup.exporting.up_axis import UpAxis, with_up_axis
+from surfsup.exporting.usd_transforms import TransformSamples, prim_names
+from surfsup.viewing.liquid_look import DISPLAY_COLOR, Rgb
 
 FRAMES_PER_SAVE = 8  # unsaved frames are in memory
-WATER_COLOR, SOLID_COLOR = (0.25, 0.5, 0.8), (0.6, 0.6, 0.6)
+SOLID_COLOR = (0.6, 0.6, 0.6)
+STILL = "still"  # the mesh of what stands still, where others move
 
 
-def open_writer(folder: Path, fps: float, up: UpAxis, overwrite: bool) -> UsdWriter:
+def open_writer(folder: Path, fps: float, up: UpAxis, overwrite: bool, colors: Sequence[Rgb]) -> UsdWriter:
     """A writer of ``water.usdc`` in ``folder``."""
-    return UsdWriter(folder / "water.usdc", fps, up, overwrite)
+    return UsdWriter(folder / "water.usdc", fps, up, overwrite, colors)
 
 
 class UsdWriter:
     """Writes ``/Water/Particles``, ``/Water/Surface`` and ``/Water/Solid`` into one file.
 
-    The file appears under its name only when it is complete.
+    Of several liquids each has a surface, ``/Water/Surface_0``, ``/Water/Surface_1``. Where solids move,
+    ``/Water/Solid`` has a mesh for each, with its way as a transform, and one of those that stand still. The file
+    appears under its name only when it is complete.
     """
 
-    def __init__(self, path: Path, fps: float, up: UpAxis, overwrite: bool) -> None:
+    def __init__(
+        self, path: Path, fps: float, up: UpAxis, overwrite: bool, colors: Sequence[Rgb] = (DISPLAY_COLOR,)
+    ) -> None:
         """Write the file ``path``.
 
         Args:
@@ -41,12 +49,13 @@ class UsdWriter:
             fps: time codes per second.
             up: upward axis.
             overwrite: whether an existing file is replaced.
+            colors: of the liquids.
 
         Raises:
             InputError: the file exists or cannot be written.
         """
         check_overwrite([path], overwrite)
-        self._path = path
+        self._path, self._colors = path, colors
         self._partial = path.with_name(f".{path.stem}.partial{path.suffix}")
         self._partial.unlink(missing_ok=True)
         try:
@@ -58,7 +67,8 @@ class UsdWriter:
         self._stage.SetTimeCodesPerSecond(fps)
         self._stage.SetFramesPerSecond(fps)
         self._stage.SetDefaultPrim(UsdGeom.Xform.Define(self._stage, "/Water").GetPrim())
-        self._frames = {"Particles": 0, "Surface": 0, "Solid": 0}
+        self._frames: dict[str, int] = {}
+        self._ways: TransformSamples | None = None
 
     def particles(self, frame: ParticleFrame) -> None:
         """Write the particles of the next frame, with the attributes ``widths``, ``ids`` and ``velocities``.
@@ -72,17 +82,21 @@ class UsdWriter:
         points.CreateIdsAttr().Set(Vt.Int64Array.FromNumpy(frame.ids.astype(np.int64)), code)
         points.CreateWidthsAttr().Set(widths, code)
         points.CreateExtentAttr().Set(UsdGeom.Points.ComputeExtent(positions, widths), code)
-        color(points, WATER_COLOR)
-        if frame.liquids is not None:
+        if frame.liquids is None:
+            color(points, self._colors[0])
+        else:
             kind, varying = Sdf.ValueTypeNames.IntArray, UsdGeom.Tokens.varying
             numbers = UsdGeom.PrimvarsAPI(points).CreatePrimvar("liquid", kind, varying)
             numbers.Set(Vt.IntArray.FromNumpy(frame.liquids.astype(np.int32)), code)
+            shown = points.CreateDisplayColorPrimvar(UsdGeom.Tokens.vertex)
+            shown.Set(vectors(np.array(self._colors)[frame.liquids]), code)
         self._save(code)
 
     def surface(self, frame: MeshFrame) -> None:
-        """Write the water's surface of the next frame."""
-        code = self._next("Surface")
-        mesh = self._mesh("/Water/Surface", frame, code, WATER_COLOR)
+        """Write the water's surface of the next frame, or that of one of several liquids."""
+        name = "Surface" if frame.liquid is None else f"Surface_{frame.liquid}"
+        code = self._next(name)
+        mesh = self._mesh(f"/Water/{name}", frame, code, self._colors[frame.liquid or 0])
         mesh.CreateVelocitiesAttr().Set(vectors(frame.velocities), code)
         self._save(code)
 
@@ -91,15 +105,31 @@ class UsdWriter:
         self._mesh("/Water/Solid", frame, Usd.TimeCode.Default(), SOLID_COLOR)
 
     def moving_solids(self, solids: SolidMeshes, time: float, up: UpAxis) -> None:
-        """Write the solids of the next frame."""
-        code, frame = self._next("Solid"), with_up_axis(solids.at(time), up)
-        mesh = self._mesh("/Water/Solid", frame, code, SOLID_COLOR)
-        mesh.CreateVelocitiesAttr().Set(vectors(frame.velocities), code)
+        """Write where the solids are in the next frame; their meshes, with the first one."""
+        if self._ways is None:
+            self._ways = self._moving_meshes(solids, up)
+        code = self._next("Solid")
+        for solid in solids.moving:
+            self._ways.add(solid.name, solids.pose_of(solid, time), code)
         self._save(code)
+
+    def _moving_meshes(self, solids: SolidMeshes, up: UpAxis) -> TransformSamples:
+        """Write the meshes of all solids, each in its own frame."""
+        UsdGeom.Xform.Define(self._stage, "/Water/Solid")
+        names = prim_names((solid.name for solid in solids.moving), taken=STILL)
+        if solids.still is not None:
+            still = with_up_axis(solids.still, up)
+            self._mesh(f"/Water/Solid/{STILL}", still, Usd.TimeCode.Default(), SOLID_COLOR)
+        meshes = {}
+        for solid in solids.moving:
+            own = with_up_axis(solid_mesh(solid.mesh), up)
+            path = f"/Water/Solid/{names[solid.name]}"
+            meshes[solid.name] = self._mesh(path, own, Usd.TimeCode.Default(), SOLID_COLOR)
+        return TransformSamples(meshes, up)
 
     def finish(self) -> list[Path]:
         """Complete the file and return it."""
-        if frames := max(self._frames.values()):
+        if frames := max(self._frames.values(), default=0):
             self._stage.SetStartTimeCode(1)
             self._stage.SetEndTimeCode(frames)
         self._write()
@@ -113,12 +143,10 @@ class UsdWriter:
         self._partial.unlink(missing_ok=True)
 
     def _next(self, name: str) -> int:
-        self._frames[name] += 1
+        self._frames[name] = self._frames.get(name, 0) + 1
         return self._frames[name]
 
-    def _mesh(
-        self, prim: str, frame: MeshFrame, code: int | Usd.TimeCode, rgb: tuple[float, float, float]
-    ) -> UsdGeom.Mesh:
+    def _mesh(self, prim: str, frame: MeshFrame, code: int | Usd.TimeCode, rgb: Rgb) -> UsdGeom.Mesh:
         mesh, points = UsdGeom.Mesh.Define(self._stage, prim), vectors(frame.vertices)
         mesh.CreatePointsAttr().Set(points, code)
         mesh.CreateFaceVertexCountsAttr().Set(Vt.IntArray(len(frame.triangles), 3), code)
@@ -146,6 +174,6 @@ def vectors(values: np.ndarray) -> Vt.Vec3fArray:
     return Vt.Vec3fArray.FromNumpy(np.ascontiguousarray(values, np.float32))
 
 
-def color(shape: UsdGeom.Gprim, rgb: tuple[float, float, float]) -> None:
+def color(shape: UsdGeom.Gprim, rgb: Rgb) -> None:
     """Give a shape one color."""
     shape.CreateDisplayColorAttr(Vt.Vec3fArray([Gf.Vec3f(*rgb)]))

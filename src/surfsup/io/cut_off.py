@@ -9,7 +9,7 @@ from pathlib import Path
 import h5py
 
 from surfsup.errors import InputError
-from surfsup.io.trajectory import Trajectory
+from surfsup.io.trajectory import Trajectory, trajectory_path
 
 BEYOND_ALL_FILES = 1 << 50
 MAX_SHRINKING = 1e5  # bytes of the values over those of a file: compressed 1,000 times, and cut to a hundredth
@@ -78,6 +78,7 @@ def open_readable(path: Path) -> Trajectory:
     Raises:
         InputError: the file is missing, or nothing of it is readable.
     """
+    path = trajectory_path(path)
     try:
         return Trajectory(path)
     except InputError as error:

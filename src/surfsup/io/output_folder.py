@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import shutil
 import sys
+import tempfile
 import time
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import nullcontext, suppress
@@ -18,7 +19,8 @@ import torch
 from surfsup import __version__
 from surfsup.errors import InputError, Interrupted
 from surfsup.io.atomic_file import atomic_file
-from surfsup.io.trajectory import Provenance, TrajectoryWriter
+from surfsup.io.trajectory_format import Provenance
+from surfsup.io.trajectory_writer import TrajectoryWriter
 from surfsup.scene import Container, Scene
 from surfsup.scene.pose import Pose
 from surfsup.scene.solids import CONTAINER, Solids
@@ -94,9 +96,7 @@ def writable_folder(path: Path) -> Path:
     """
     try:
         path.mkdir(parents=True, exist_ok=True)
-        probe = path / ".writable"
-        probe.touch()
-        probe.unlink()
+        tempfile.TemporaryFile(dir=path).close()
     except OSError as error:
         raise InputError(
             f"{path}: cannot be used as the output folder ({error.strerror}); give another with -o"
@@ -180,6 +180,8 @@ class OutputFolder:
             if not writer.frames:
                 raise
             kept = f"{writer.frames} of {scene.frames} frames are kept in {writer.path}; --resume adds the others"
+            shown = self.path if writer.path == self.trajectory else writer.path
+            kept = f"{kept}, surfsup view {shown} shows these"
             raise Interrupted(kept) from None
         finally:
             failing = sys.exc_info()[0] is not None

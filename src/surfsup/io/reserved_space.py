@@ -7,6 +7,7 @@ be the disk, a quota, or the largest size of a file; only the system knows them 
 from __future__ import annotations
 
 import os
+import shutil
 from pathlib import Path
 
 from surfsup.errors import InputError
@@ -45,3 +46,17 @@ class ReservedSpace:
         """Give back all space beyond ``size`` bytes."""
         if self._path.stat().st_size > size:
             os.truncate(self._path, size)
+
+
+def check_free_space(path: Path, needed: int, kept: str = "") -> None:
+    """Require that the disk of the file ``path``, which need not exist, has ``needed`` bytes free.
+
+    Raises:
+        InputError: it has not, or there is no such folder; the message ends with ``kept``.
+    """
+    try:
+        free = shutil.disk_usage(path.parent).free
+    except OSError as error:
+        raise InputError(f"{path}: cannot be written ({error.strerror})") from None
+    if free < needed:
+        raise InputError(f"{path}: cannot be written: the disk is full ({free / 1e6:.3g} MB are free){kept}")

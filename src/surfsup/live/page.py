@@ -9,32 +9,25 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from surfsup.live.drawn_water import PARTICLES, SURFACE, DrawnWater
+from surfsup.live.liquid_choice import liquid_choice
 from surfsup.live.tap_controls import Command, TapControls
 from surfsup.live.world import LiveWorld
 from surfsup.scene import quaternion
-from surfsup.scene.liquid import Liquid
 from surfsup.scene.pose import Pose
 from surfsup.scene.solids import CONTAINER
 from surfsup.simulation_state import Frame
 from surfsup.viewing.camera import FIELD_OF_VIEW, fit_camera
-from surfsup.viewing.liquid_look import color_of
 from surfsup.viewing.moving_mesh import container_corners
-from surfsup.viewing.reconstruction import Reconstruction
 
 if TYPE_CHECKING:
     import viser
 
-# From slow to fast.
-PALETTE = np.array([(45, 120, 200), (80, 175, 230), (240, 249, 253)], np.float32)
-POINT = 1.2  # particle radii; of a disc, which viser draws with twice this as its diameter
-FAST_SPEED = 3.0  # m/s, with particles of 15 mm
-SOLID_COLOR, WATER_COLOR, EDGE_COLOR = (205, 125, 80), (60, 150, 215), (90, 100, 110)
+SOLID_COLOR, EDGE_COLOR = (205, 125, 80), (90, 100, 110)
 AMBIENT = 0.9
 SOLID_RESOLUTION = 96  # cells of marching cubes
-COARSE_SURFACE = Reconstruction(cube_size=1.1, mesh_smoothing=8, normal_smoothing=3)
-PARTICLES, SURFACE = "particles", "surface"
-VISCOSITIES = {"as the scene has it": None, **{f"{value:g} m²/s": value for value in (0.03, 0.1, 0.3, 1.0)}}
-RADII = {f"{radius} mm": radius / 1000 for radius in (10, 12, 15, 20, 25)}
+VISCOSITIES = {"as the scene has it": None, **{f"{value:g}": value for value in (0.03, 0.1, 0.3, 1.0)}}
+RADII = {f"{radius}": radius / 1000 for radius in (10, 12, 15, 20, 25)}
 
 
 class LivePage:
@@ -55,10 +48,8 @@ class LivePage:
         self.commands: SimpleQueue[Command] = SimpleQueue()
         self.paused = False
         self._solids: dict[str, Any] = {}
-        self._palette, self._surface_color = colors_of(world.scene.liquid)
+        self._water = DrawnWater(server, world.scene)
         self._draw_scene(world)
-        self._water: Any = None
-        self._style_shown = ""
         self._add_controls(world)
         self.show(world.frame, world)
 
@@ -97,43 +88,19 @@ class LivePage:
         view.position, view.look_at = tuple(camera.eye), tuple(camera.target)
         view.fov = float(np.radians(FIELD_OF_VIEW))
 
-    def show(self, frame: Frame, world: LiveWorld) -> None:
-        """Draw the water and the solids of a frame."""
-        style = self._style.value
+    def show(self, frame: Frame, world: LiveWorld) -> bool:
+        """Draw the water and the solids of a frame; returns whether water, or an earlier surface, was drawn."""
         with self._server.atomic():
             for name, pose in frame.poses.items():
                 if name in self._solids:
                     handle = self._solids[name]
                     handle.position, handle.wxyz = tuple(pose.position), tuple(pose.rotation)
-            if style != self._style_shown and self._water is not None:
-                self._water.remove()
-                self._water = None
-            self._style_shown = style
-            radius = world.scene.particle_radius
-            if style == SURFACE:
-                self._show_surface(frame, radius)
-            else:
-                self._show_particles(frame, radius)
+            return self._water.show(frame, self._style.value, world.scene.particle_radius)
 
-    def _show_particles(self, frame: Frame, radius: float) -> None:
-        colors = speed_colors(frame.velocities, FAST_SPEED * np.sqrt(radius / 0.015), self._palette)
-        if self._water is None:
-            self._water = self._server.scene.add_point_cloud(
-                "water", frame.positions, colors, point_size=POINT * radius, point_shape="circle"
-            )
-            return
-        self._water.points, self._water.colors = frame.positions, colors
-        self._water.point_size = POINT * radius
-
-    def _show_surface(self, frame: Frame, radius: float) -> None:
-        import pysplashsurf
-
-        mesh = COARSE_SURFACE.mesh(frame.positions, radius).mesh
-        assert isinstance(mesh, pysplashsurf.TriMesh3d)  # quads are not requested
-        self._water = self._server.scene.add_mesh_simple(
-            "water", np.asarray(mesh.vertices, np.float32), np.asarray(mesh.triangles, np.uint32),
-            color=self._surface_color, opacity=0.75, cast_shadow=False,
-        )  # fmt: skip
+    def update(self) -> bool:
+        """Draw what was made meanwhile; returns whether there was something."""
+        with self._server.atomic():
+            return self._water.update()
 
     def report(self, text: str) -> None:
         """Show what happened."""
@@ -168,19 +135,21 @@ class LivePage:
         with gui.add_folder("Tap"):
             self._tap = TapControls(self._server, world, self._send)
         with gui.add_folder("Gravity"):
-            self._tilts: list[Any] = [gui.add_slider(f"tilt {axis}", -90.0, 90.0, 1.0, 0.0) for axis in "xy"]
+            self._tilts: list[Any] = [gui.add_slider(f"tilt {axis}, °", -90.0, 90.0, 1.0, 0.0) for axis in "xy"]
             for tilt in self._tilts:
                 tilt.on_update(lambda _: self._send_gravity())
         if world.movable:
             with gui.add_folder("Solid"):
                 self._add_moving(world)
         with gui.add_folder("Particles"):
-            label = f"{1000 * world.scene.particle_radius:g} mm"
+            label = f"{1000 * world.scene.particle_radius:g}"
             sizes = RADII if label in RADII else {label: world.scene.particle_radius, **RADII}
-            radius = gui.add_dropdown("radius", tuple(sizes), initial_value=label)
+            radius = gui.add_dropdown("radius, mm", tuple(sizes), initial_value=label)
             radius.on_update(lambda _: self._send(lambda world: self._restart(world, sizes[radius.value])))
-            self._viscosity: Any = gui.add_dropdown("viscosity", tuple(VISCOSITIES))
-            self._viscosity.on_update(lambda _: self._send(self._set_viscosity))
+            self._viscosity: Any = None
+            if not world.scene.mixture:  # whose viscosities stay
+                self._viscosity = gui.add_dropdown("viscosity, m²/s", tuple(VISCOSITIES))
+                self._viscosity.on_update(lambda _: self._send(self._set_viscosity))
 
     def _button(self, label: str, command: Command) -> Any:
         button = self._server.gui.add_button(label)
@@ -204,11 +173,14 @@ class LivePage:
         world.reset()
         for tilt in self._tilts:
             tilt.value = 0.0
-        self._viscosity.value = next(iter(VISCOSITIES))
+        if self._viscosity is not None:
+            self._viscosity.value = next(iter(VISCOSITIES))
         self._show_start(world)
         return "back at the start"
 
     def _set_viscosity(self, world: LiveWorld) -> None:
+        if self._viscosity is None:
+            return
         chosen = VISCOSITIES[self._viscosity.value]
         own = None if world.scene.liquid is None else world.scene.liquid.viscosity
         world.set_viscosity(own if chosen is None else chosen)
@@ -239,9 +211,10 @@ class LivePage:
 
     def _add_pouring(self, world: LiveWorld) -> None:
         gui, (x, y, z) = self._server.gui, world.scene.container.size
-        side = gui.add_slider("side", 0.05, 0.6, 0.01, min(0.25, 0.4 * min(x, y)))
-        height = gui.add_slider("height", 0.05, 1.0, 0.01, 0.25)
-        place = gui.add_vector3("place", (0.0, 0.0, round(0.7 * z, 2)), step=0.01)
+        side = gui.add_slider("side, m", 0.05, 0.6, 0.01, min(0.25, 0.4 * min(x, y)))
+        height = gui.add_slider("height, m", 0.05, 1.0, 0.01, 0.25)
+        place = gui.add_vector3("place, m", (0.0, 0.0, round(0.7 * z, 2)), step=0.01)
+        liquid = liquid_choice(self._server, world)
         handle = self._server.scene.add_transform_controls(
             "pour", 0.15, disable_rotations=True, position=place.value, depth_test=False
         )
@@ -249,7 +222,7 @@ class LivePage:
         handle.on_update(lambda _: setattr(place, "value", tuple(round(float(c), 3) for c in handle.position)))
 
         def pour(world: LiveWorld) -> str:
-            added = world.pour(place.value, (side.value, side.value, height.value))
+            added = world.pour(place.value, (side.value, side.value, height.value), liquid())
             return f"{added:,} particles poured" if added else "no room there: solid, walls or water"
 
         self._button("Pour", pour)
@@ -280,7 +253,7 @@ class LivePage:
         def moved_by(offset: tuple[float, float, float], degrees: float) -> Callable[[object], None]:
             return lambda _: self._handles[name.value].nudge(offset, degrees)
 
-        group = gui.add_button_group("move", ("left", "right", "up", "down"))
+        group = gui.add_button_group("move 5 cm", ("left", "right", "up", "down"))
         offsets = {"left": (-0.05, 0, 0), "right": (0.05, 0, 0), "up": (0, 0, 0.05), "down": (0, 0, -0.05)}
         group.on_click(lambda event: moved_by(offsets[event.target.value], 0.0)(event))
         turns = gui.add_button_group("turn", ("-15°", "+15°"))
@@ -321,25 +294,6 @@ class SolidHandle:
     def _moved(self) -> None:
         pose = Pose.of(np.asarray(self._controls.position), np.asarray(self._controls.wxyz))
         self._send(lambda world: world.move(self._name, pose))
-
-
-def colors_of(liquid: Liquid | None) -> tuple[np.ndarray, tuple[int, int, int]]:
-    """The colors (3, 3) of slow, middle and fast particles of a liquid, from 0 to 255, and that of its surface."""
-    color = color_of(liquid)
-    if color is None:
-        return PALETTE, WATER_COLOR
-    middle = 255 * np.array(color, np.float32)
-    red, green, blue = (int(part) for part in middle)
-    return np.stack([0.75 * middle, middle, 0.3 * middle + 178]), (red, green, blue)
-
-
-def speed_colors(velocities: np.ndarray, fast: float, palette: np.ndarray = PALETTE) -> np.ndarray:
-    """Colors (N, 3) uint8 of particles by their speed, m/s: from slow to fast through a ``palette`` (3, 3)."""
-    share = np.clip(np.sqrt((velocities**2).sum(1)) / np.float32(fast), 0, 1)[:, None]
-    lower, upper = np.clip(2 * share, 0, 1), np.clip(2 * share - 1, 0, 1)
-    slow, middle, fastest = palette
-    colors: np.ndarray = (slow + lower * (middle - slow) + upper * (fastest - middle)).astype(np.uint8)
-    return colors
 
 
 def tilted_gravity(gravity: tuple[float, float, float], about_x: float, about_y: float) -> tuple[float, float, float]:

@@ -10,7 +10,9 @@ from contextlib import ExitStack
 from pathlib import Path
 
 from surfsup.errors import InputError
-from surfsup.io.trajectory import Provenance, Trajectory, TrajectoryWriter
+from surfsup.io.trajectory import Trajectory
+from surfsup.io.trajectory_format import Provenance
+from surfsup.io.trajectory_writer import TrajectoryWriter
 from surfsup.scene import Scene
 from surfsup.scene.pose import Pose
 from surfsup.simulation_state import Frame
@@ -50,7 +52,7 @@ class Recording:
         self._write(frame)
 
     def _write(self, frame: Frame) -> None:
-        self._writer.append(frame.positions, frame.velocities, frame.poses, frame.ids)
+        self._writer.append(frame.positions, frame.velocities, frame.poses, frame.ids, liquids=frame.liquids)
         self._particles = max(self._particles, particles_of(frame))
 
     def _writer_of(self, path: Path, particles: int, time: float) -> TrajectoryWriter:
@@ -123,7 +125,8 @@ class Recording:
                                 for name, rows in trajectory.poses.items()
                             }
                             ids = trajectory.ids(frame)
-                            writer.append(positions[ids], velocities[ids], poses, ids)
+                            liquids = None if trajectory.liquids is None else trajectory.liquids[ids]
+                            writer.append(positions[ids], velocities[ids], poses, ids, liquids=liquids)
 
 
 def particles_of(frame: Frame) -> int:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
+from surfsup.live.liquid_choice import liquid_choice
 from surfsup.live.world import LiveWorld
 
 if TYPE_CHECKING:
@@ -32,9 +33,10 @@ class TapControls:
     def __init__(self, server: viser.ViserServer, world: LiveWorld, send: Callable[[Command], None]) -> None:
         gui, scale = server.gui, world.scene.units.length
         flow_scale = scale**2.5  # an area times a speed
-        self._opening = gui.add_slider("opening", *rounded(OPENINGS, scale), 0.001 * scale, OPENING * scale)
-        self._flow = gui.add_slider("flow", *rounded(FLOWS, flow_scale), 0.1 * flow_scale, FLOW * flow_scale)
-        self._place = gui.add_vector3("nozzle", above_solid(world, scale), step=0.01)
+        self._opening = gui.add_slider("opening, m", *rounded(OPENINGS, scale), 0.001 * scale, OPENING * scale)
+        self._flow = gui.add_slider("flow, l/s", *rounded(FLOWS, flow_scale), 0.1 * flow_scale, FLOW * flow_scale)
+        self._liquid = liquid_choice(server, world)
+        self._place = gui.add_vector3("nozzle, m", above_solid(world, scale), step=0.01)
         handle = server.scene.add_transform_controls(
             "tap", 0.15 * scale, disable_rotations=True, position=self._place.value, depth_test=False
         )
@@ -67,7 +69,7 @@ class TapControls:
             self._open(world)
 
     def _open(self, world: LiveWorld) -> None:
-        world.open_tap(self._place.value, self._opening.value, self._flow.value)
+        world.open_tap(self._place.value, self._opening.value, self._flow.value, self._liquid())
 
 
 def rounded(values: tuple[float, float], scale: float) -> tuple[float, float]:

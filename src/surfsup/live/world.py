@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -49,8 +50,6 @@ class LiveWorld:
         self._start(with_named_surface(scene))
 
     def _start(self, scene: Scene) -> None:
-        if scene.mixture:
-            raise InputError("fluid: a live scene has one liquid; use surfsup simulate for several")
         simulation = Simulation(scene, SIMULATOR, "cpu")
         check_count(len(simulation.particles.positions))
         self.scene, self.simulation, self._gravity = scene, simulation, scene.gravity
@@ -87,12 +86,13 @@ class LiveWorld:
             self._recording.append(frame)
         return frame
 
-    def pour(self, center: tuple[float, float, float], sides: tuple[float, float, float]) -> int:
+    def pour(self, center: tuple[float, float, float], sides: tuple[float, float, float], liquid: int = 0) -> int:
         """Add a block of water at rest, except where solid, walls or water are; returns the number of particles.
 
         Args:
             center: (x, y, z), meters.
             sides: of the block, meters.
+            liquid: its number, in a scene of several.
 
         Raises:
             InputError: the block is too thin for a particle, or there would be too many.
@@ -111,24 +111,26 @@ class LiveWorld:
             return 0
         state = self.simulation.state
         positions, velocities = self._units.frame_to_solver(added, np.zeros_like(added))
-        fluid = with_particles(state.fluid, positions, velocities)
+        fluid = with_particles(state.fluid, positions, velocities, liquid)
         self.simulation.reset(SimulationState(state.frame, fluid, state.poses))
         if self._recording is not None:
             self._recording.poured(self.frame)
         return len(added)
 
-    def open_tap(self, center: tuple[float, float, float], radius: float, flow: float) -> None:
+    def open_tap(self, center: tuple[float, float, float], radius: float, flow: float, liquid: int = 0) -> None:
         """Let water fall from a round opening from the next step on, in the place of what :meth:`open_tap` opened.
 
         Args:
             center: (x, y, z) of the opening, meters.
             radius: of the opening, meters.
             flow: liters a second.
+            liquid: its number, in a scene of several.
 
         Raises:
             InputError: a value is out of range, or the water would begin in a solid or outside the container.
         """
-        tap = Tap(disc=DiscOpening(radius=radius), at=center, flow=flow)
+        of = self.scene.mixture[liquid] if self.scene.mixture else None
+        tap = Tap(disc=DiscOpening(radius=radius), at=center, flow=flow, liquid=of)
         tap = tap.model_copy(update={"start": self.simulation.time})
         self.simulation.set_taps([*self.scene.taps, tap])
         self.tap = tap
@@ -193,7 +195,8 @@ class LiveWorld:
             self._place(name, pose)
         self.simulation.reset()
         self.set_gravity(self.scene.gravity)
-        self.set_viscosity(None if self.scene.liquid is None else self.scene.liquid.viscosity)
+        if not self.scene.mixture:  # whose viscosities stay
+            self.set_viscosity(None if self.scene.liquid is None else self.scene.liquid.viscosity)
 
     @property
     def recording(self) -> Path | None:
@@ -234,14 +237,15 @@ class LiveWorld:
         self.simulation.set_pose(name, pose.position, pose.rotation)
 
 
-def with_particles(fluid: FluidState, positions: np.ndarray, velocities: np.ndarray) -> FluidState:
-    """The state with more particles (N, 3), in the units of the solver."""
+def with_particles(fluid: FluidState, positions: np.ndarray, velocities: np.ndarray, liquid: int) -> FluidState:
+    """The state with more particles (N, 3) of a liquid, in the units of the solver."""
+    liquids = np.full(len(positions), liquid, np.int32)
     if isinstance(fluid, OpenState):
-        return fluid.extended(positions, velocities, fluid.next_id + np.arange(len(positions)))
+        return fluid.extended(positions, velocities, fluid.next_id + np.arange(len(positions)), [liquids])
     assert isinstance(fluid, ParticleState)  # the solver's
-    old = fluid.positions, fluid.velocities
-    return ParticleState(
-        *(torch.cat([one, torch.from_numpy(other)]) for one, other in zip(old, (positions, velocities), strict=True))
+    new = {"positions": positions, "velocities": velocities, "liquids": liquids}
+    return replace(
+        fluid, **{name: torch.cat([value, torch.from_numpy(new[name])]) for name, value in vars(fluid).items()}
     )
 
 

@@ -16,7 +16,7 @@ from safetensors.torch import save_file
 from torch import Tensor
 
 from surfsup.checked.tensors import read_tensors
-from surfsup.errors import InputError
+from surfsup.errors import InputError, single_line
 
 FORMAT = "surfsup-checkpoint-3"
 
@@ -151,4 +151,4 @@ def load_optimizer_state(optimizer: torch.optim.Optimizer, tensors: Mapping[str,
 
 def summary(error: Exception) -> str:
     """The message of ``error`` on one short line."""
-    return " ".join(str(error).split())[:120]
+    return single_line(error)[:120]

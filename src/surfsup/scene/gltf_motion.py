@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from surfsup.errors import InputError
+from surfsup.errors import InputError, single_line
 from surfsup.scene.gltf_track import WIDTHS, Track, read_track
 from surfsup.scene.pose import Pose, Vector
 from surfsup.sdf.mesh.readers.gltf import chunks, own_matrix
@@ -66,7 +66,7 @@ class GltfMotion:
         except UnreadableMeshError as error:
             raise InputError(f"{path}: {error}") from None
         except (ValueError, KeyError, IndexError, TypeError, AttributeError, RecursionError, struct.error) as error:
-            reason = " ".join(str(error).split())[:120] or type(error).__name__
+            reason = single_line(error)[:120] or type(error).__name__
             raise InputError(f"{path}: is damaged or not a glTF file ({reason}); export it again") from None
 
     def matrix(self, time: float) -> np.ndarray:

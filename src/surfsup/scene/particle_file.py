@@ -12,7 +12,7 @@ import numpy as np
 from pydantic import field_validator
 
 from surfsup.checked.hdf5 import check_written, stored_dataset
-from surfsup.errors import InputError
+from surfsup.errors import InputError, single_line
 from surfsup.scene.bgeo_points import read_bgeo
 from surfsup.scene.strict_model import StrictModel, Vector
 
@@ -110,7 +110,7 @@ def read_particles(path: Path, frame: int | None = None) -> FileParticles:
     except InputError:
         raise
     except Exception as error:  # each library has errors of its own for files that it cannot read
-        raise InputError(f"{path}: cannot be read as particles ({' '.join(str(error).split())[:200]})") from None
+        raise InputError(f"{path}: cannot be read as particles ({single_line(error)[:200]})") from None
     if len(found.positions) == 0:
         raise InputError(f"{path}: has no particles")
     bad = ~(np.isfinite(found.positions).all(axis=1) & np.isfinite(found.velocities).all(axis=1))

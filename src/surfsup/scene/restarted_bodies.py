@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from surfsup.checked.hdf5 import stored_dataset
-from surfsup.errors import InputError
+from surfsup.errors import InputError, single_line
 from surfsup.scene.pose import Pose
 
 if TYPE_CHECKING:
@@ -43,7 +43,7 @@ def restarted_body(scene: Scene, name: str) -> tuple[Pose, np.ndarray] | None:
                 )
             pose, motion = (stored_dataset(file, f"{group}/{name}")[-1] for group in (POSES, BODIES))
     except (OSError, RuntimeError, KeyError, TypeError, ValueError, IndexError) as error:
-        raise InputError(f"{path}: cannot be continued ({' '.join(str(error).split())[:200]})") from None
+        raise InputError(f"{path}: cannot be continued ({single_line(error)[:200]})") from None
     if pose.shape != (7,) or motion.shape != (12,) or not np.isfinite(motion).all():
         raise InputError(f"{path}: cannot be continued (the motion of '{name}' is not twelve finite numbers)")
     return Pose.from_array(pose), motion

@@ -49,15 +49,14 @@ def limit_energy_gain(
         positions: after it, meters.
         velocities: after it, m/s.
         environment: gravity.
-        part: of a frame that the step takes, in C++ only.
-        supplied: energy from outside, mean J/kg: the work of moving solids and of taps, in C++ only.
+        part: of a frame that the step takes.
+        supplied: energy from outside, mean J/kg: the work of moving solids and of taps.
     """
     gravity = environment.gravity
     if not can_run_native(state.positions, state.velocities, positions, velocities, gravity):
         from surfsup.sph.warp_engine import energy
 
-        assert part == WHOLE_FRAME and supplied == 0, "moving solids run in the C++ code only"
-        return energy.limit_energy_gain(state, positions, velocities, environment.on_host.gravity)
+        return energy.limit_energy_gain(state, positions, velocities, environment.on_host.gravity, part, supplied)
     free_positions, free_velocities = state.ballistic(gravity, part)
     after = [value.detach().clone(memory_format=torch.contiguous_format) for value in (positions, velocities)]
     native.limit_energy_gain(

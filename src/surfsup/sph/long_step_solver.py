@@ -14,7 +14,7 @@ from surfsup.sph.environment import Environment
 from surfsup.sph.fast_frames import frame_parts
 from surfsup.sph.interpolation import hermite
 from surfsup.sph.kernels import KERNEL_SUPPORT
-from surfsup.sph.long_steps import BALLISTIC, CALM, FALLING, STEP_FRAMES, STEP_TIME, parts_of_step, relative_speed
+from surfsup.sph.long_steps import BALLISTIC, CALM, FALLING, LONG_STEP, STEP_FRAMES, parts_of_step, relative_speed
 from surfsup.sph.native_solver import can_step_native
 from surfsup.sph.simulator import Simulator
 from surfsup.sph.solver import DfsphSolver, finished
@@ -79,7 +79,7 @@ class LongStepSolver(Simulator[LongStepState]):
         if passed == STEP_FRAMES:
             return LongStepState(end.positions, end.velocities), collided
         ends = (begin.positions, begin.velocities), (end.positions, end.velocities)
-        positions, velocities = hermite(*ends, passed / STEP_FRAMES, STEP_TIME)
+        positions, velocities = hermite(*ends, passed / STEP_FRAMES, LONG_STEP)
         if handle_collisions:
             result = resolve_collisions(state.positions, positions, velocities, environment)
             positions, velocities, collided = result.positions, result.velocities, result.collided | collided

@@ -8,22 +8,27 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from copy import deepcopy
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import product
 from typing import Any
 
 import numpy as np
+import torch
+from torch import Tensor
 
 from surfsup import native
 from surfsup.errors import InputError
-from surfsup.native.dispatch import tensors_requiring_grad
+from surfsup.native.dispatch import needs_gradient, tensors_requiring_grad
 from surfsup.scene import FRAME_TIME, PARTICLE_RADIUS
 from surfsup.scene.pose import Pose, between
 from surfsup.scene.solids import CONTAINER, MovingSolid, Solids
+from surfsup.sdf import Surface
 from surfsup.sph.boundary.boundary_map import BoundaryMap
 from surfsup.sph.collision_surface import for_collisions
 from surfsup.sph.native_query import PythonQuery, python_query
+from surfsup.sph.rigid_steps import Places, interpolated, places_between
 from surfsup.sph.state import SUBSTEPS
 
 MAX_PIECES = 100  # of a frame
@@ -51,15 +56,29 @@ class MovingBody:
         return {"solid": self.solid, "box": self.box}
 
     @cached_property
-    def boundary_map(self) -> native.BoundaryMap:
+    def boundary_map(self) -> BoundaryMap:
         """The boundary volume map of the whole solid."""
-        return BoundaryMap.of_whole(self.solid.surface, self.solid.name).tables.native
+        return BoundaryMap.of_whole(self.solid.surface, self.solid.name)
+
+    @cached_property
+    def surface(self) -> Surface:
+        """The solid as collision handling queries it, on the CPU."""
+        return for_collisions(self.solid.surface)
+
+    def surface_on(self, device: torch.device) -> Surface:
+        """:attr:`surface` on a device, copied at most once."""
+        if device not in self._copies:
+            self._copies[device] = self.surface if device.type == "cpu" else deepcopy(self.surface).to(device)
+        return self._copies[device]
+
+    @cached_property
+    def _copies(self) -> dict[torch.device, Surface]:
+        return {}
 
     @cached_property
     def query(self) -> native.Solid | PythonQuery:
         """The signed distance for C++ code."""
-        surface = for_collisions(self.solid.surface)
-        return surface.native_solid() or python_query(surface)
+        return self.surface.native_solid() or python_query(self.surface)
 
     @cached_property
     def corners(self) -> np.ndarray:
@@ -75,12 +94,14 @@ class FrameMotion:
         bodies: the solids.
         start, end: poses by name, that of a container that moves too.
         seconds: between start and end.
+        traced: (2, 7) the poses of some of them again, with gradients: positions in meters and quaternions.
     """
 
     bodies: tuple[MovingBody, ...]
     start: Mapping[str, Pose]
     end: Mapping[str, Pose]
     seconds: float = FRAME_TIME
+    traced: Mapping[str, Tensor] = field(default_factory=dict)
 
     def part(self, first: float, last: float) -> FrameMotion:
         """The motion between two fractions of the time."""
@@ -88,7 +109,9 @@ class FrameMotion:
             {name: between(self.start[name], self.end[name], fraction) for name in self.start}
             for fraction in (first, last)
         )
-        return replace(self, start=start, end=end, seconds=(last - first) * self.seconds)
+        fractions = torch.tensor([first, last], dtype=torch.float64)
+        traced = {name: interpolated(ends[None], fractions)[:, 0] for name, ends in self.traced.items()}
+        return replace(self, start=start, end=end, seconds=(last - first) * self.seconds, traced=traced)
 
     def pieces(self) -> list[FrameMotion]:
         """The motions of the pieces that the frame is computed in: one, or a multiple of the substeps of a frame.
@@ -113,6 +136,39 @@ class FrameMotion:
             found.append(math.sqrt((path**2).sum(axis=1).max()))
         return found
 
+    @property
+    def requires_grad(self) -> bool:
+        """Whether torch is recording gradients and a pose requires one."""
+        return needs_gradient(*self.traced.values())
+
+    @property
+    def moves_container(self) -> bool:
+        """Whether the walls move."""
+        return CONTAINER in self.start
+
+    @cached_property
+    def ends(self) -> Tensor:
+        """The poses (K, 2, 7) at start and end: of the bodies, then of a container that moves."""
+        names = [body.solid.name for body in self.bodies] + [CONTAINER] * self.moves_container
+        return torch.stack(
+            [
+                self.traced[name]
+                if name in self.traced
+                else torch.from_numpy(np.stack([self.start[name].array, self.end[name].array]))
+                for name in names
+            ]
+        )
+
+    @cached_property
+    def _places(self) -> dict[int, Places]:
+        return {}
+
+    def places(self, count: int) -> Places:
+        """Where all is at the start and the end of each of ``count`` substeps."""
+        if count not in self._places:
+            self._places[count] = places_between(self.ends, count, self.seconds)
+        return self._places[count]
+
     def native(
         self, query_positions: np.ndarray | None = None, query_distance: np.ndarray | None = None, count: int = 0
     ) -> tuple[Any, ...]:
@@ -129,11 +185,11 @@ class FrameMotion:
             -1, 2, 7
         )
         walls = None
-        if CONTAINER in self.start:
+        if self.moves_container:
             walls = np.array([self.start[CONTAINER].array, self.end[CONTAINER].array])
         boxes = np.array([body.box for body in self.bodies], np.float32).reshape(-1, 2, 3)
         return (
-            [body.boundary_map for body in self.bodies],
+            [body.boundary_map.tables.native for body in self.bodies],
             boxes,
             [body.query for body in self.bodies],
             poses,
@@ -158,6 +214,19 @@ class MovingSolids:
     def between(self, start: Mapping[str, Pose], end: Mapping[str, Pose], seconds: float = FRAME_TIME) -> FrameMotion:
         """The motion between poses by name, ``seconds`` apart."""
         return FrameMotion(self.bodies, start, end, seconds)
+
+    def between_tensors(self, ends: Mapping[str, Tensor], seconds: float = FRAME_TIME) -> FrameMotion:
+        """The motion between poses that may have gradients, in Warp.
+
+        Args:
+            ends: by name, (2, 7) float64: position in meters and quaternion w, x, y, z at the start and at the end.
+            seconds: between them.
+        """
+        start, end = (
+            {name: Pose.of(*np.split(poses[row].detach().numpy(), [3])) for name, poses in ends.items()}
+            for row in (0, 1)
+        )
+        return FrameMotion(self.bodies, start, end, seconds, dict(ends))
 
     def of_frame(self, number: int) -> FrameMotion:
         """The motion from frame ``number`` to the next as the scene describes it."""

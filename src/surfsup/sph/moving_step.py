@@ -6,27 +6,32 @@ among solids that stand still (:mod:`surfsup.sph.fast_frames`): in a gap that cl
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Callable
 
 import torch
 from torch import Tensor
 
 from surfsup.errors import InputError
 from surfsup.scene import FRAME_TIME
-from surfsup.sph.collision import resolve_collisions
-from surfsup.sph.energy import limit_energy_gain
 from surfsup.sph.environment import Environment
-from surfsup.sph.native_solver import NativeSolver, can_step_native
 from surfsup.sph.state import SUBSTEPS, FramePart, ParticleState
+
+StepPart = Callable[[ParticleState, Environment, bool, FramePart], tuple[ParticleState, Tensor]]
 
 
 def step_among_moving(
-    solver: NativeSolver | None, state: ParticleState, environment: Environment, handle_collisions: bool
+    step_part: StepPart, state: ParticleState, environment: Environment, handle_collisions: bool
 ) -> tuple[ParticleState, Tensor]:
     """The state one frame later, and which particles (N,) collision handling moved.
 
+    Args:
+        step_part: the state after a part of a frame, in the environment with the motion in that part.
+        state: at the frame's start.
+        environment: with the motion in the frame.
+        handle_collisions: whether to move particles out of solids and walls.
+
     Raises:
-        InputError: a gradient, a GPU, double precision or a package without C++ code.
+        InputError: the environment does not say how the solids move.
         SimulationError: as for a frame among solids that stand still.
     """
     motion = environment.motion
@@ -34,32 +39,11 @@ def step_among_moving(
         raise InputError(
             "the scene has solids that move, which this use of the solver does not know; omit their motion"
         )
-    if solver is None or not can_step_native(state, environment):
-        raise InputError(
-            "moving solids run in the C++ code only: on the CPU, in single precision, without gradients; "
-            "use --device cpu, and see 'surfsup doctor' for what the C++ code needs"
-        )
     pieces = motion.pieces()
     substeps = max(1, round(SUBSTEPS * motion.seconds / FRAME_TIME / len(pieces)))
-    collided = torch.zeros(len(state.positions), dtype=torch.bool)
+    collided = torch.zeros(len(state.positions), dtype=torch.bool, device=state.positions.device)
     for piece in pieces:
         part = FramePart(piece.seconds, substeps)
-        state, here = step_part(solver, state, environment.moved(piece), handle_collisions, part)
-        collided |= here
+        state, here = step_part(state, environment.moved(piece), handle_collisions, part)
+        collided = collided | here
     return state, collided
-
-
-def step_part(
-    solver: NativeSolver, state: ParticleState, environment: Environment, handle_collisions: bool, part: FramePart
-) -> tuple[ParticleState, Tensor]:
-    """The state after a part of a frame, and which particles (N,) collision handling moved."""
-    frame = solver.step(state, environment, handle_collisions, part)
-    if frame.finished:
-        return replace(state, positions=frame.positions, velocities=frame.velocities), frame.collided
-    supplied = frame.outer_work + environment.supplied_energy
-    positions, velocities = limit_energy_gain(state, frame.positions, frame.velocities, environment, part, supplied)
-    if not handle_collisions:
-        return replace(state, positions=positions, velocities=velocities), frame.collided
-    masses = environment.masses_of(state)
-    result = resolve_collisions(state.positions, positions, velocities, environment, masses=masses)
-    return replace(state, positions=result.positions, velocities=result.velocities), result.collided

@@ -203,6 +203,8 @@ def with_length(values: np.ndarray, count: int) -> np.ndarray:
 def can_step_native(state: ParticleState, environment: Environment) -> bool:
     """Whether the solver in C++ may take a step."""
     tensors = (state.positions, state.velocities, environment.gravity, environment.lower, environment.upper)
+    if environment.motion is not None and environment.motion.requires_grad:
+        return False
     return can_run_native(*tensors, module=environment.surface)
 
 

@@ -95,37 +95,38 @@ class DfsphSolver(Simulator[ParticleState]):
 
         Raises:
             SimulationError: a position is not finite, or the particles have collapsed into a clump.
-            InputError: solids move, or forces are requested, and the C++ code cannot run.
+            InputError: there is a liquid, and the C++ code cannot run.
         """
         if environment.moving is not None:
-            return step_among_moving(self.native, state, environment, handle_collisions)
+            return step_among_moving(self._step_part, state, environment, handle_collisions)
+        in_cpp = self.native is not None and can_step_native(state, environment)
+        if in_cpp and (parts := frame_parts(state.velocities)) > 1:
+            return self._step_in_parts(state, environment, handle_collisions, parts)
+        return self._step_part(state, environment, handle_collisions, WHOLE_FRAME)
+
+    def _step_part(
+        self, state: ParticleState, environment: Environment, handle_collisions: bool, part: FramePart
+    ) -> tuple[ParticleState, Tensor]:
+        """The state after a part of a frame, and which particles (N,) collision handling moved."""
         if self.native is not None and can_step_native(state, environment):
-            if (parts := frame_parts(state.velocities)) > 1:
-                return self._step_in_parts(self.native, state, environment, handle_collisions, parts)
-            frame = self.native.step(state, environment, handle_collisions)
-            return finished(state, frame, environment, handle_collisions)
+            frame = self.native.step(state, environment, handle_collisions, part)
+            return finished(state, frame, environment, handle_collisions, part)
         if environment.liquid is not None:
             raise InputError(
                 "liquids run in the C++ code only: on the CPU, in single precision, without gradients; use --device "
                 "cpu, see 'surfsup doctor' for what the C++ code needs, or omit 'liquid'"
             )
-        if environment.impulses is not None:
-            raise InputError(
-                "forces on solids are computed by the C++ code only: on the CPU, in single precision, without "
-                "gradients; use --device cpu, and see 'surfsup doctor' for what the C++ code needs"
-            )
-        positions, velocities, collided = self.warp.step(state, environment, handle_collisions)
+        positions, velocities, collided = self.warp.step(state, environment, handle_collisions, part)
         return ParticleState(positions, velocities), collided
 
     def _step_in_parts(
-        self, solver: NativeSolver, state: ParticleState, environment: Environment, handle_collisions: bool, parts: int
+        self, state: ParticleState, environment: Environment, handle_collisions: bool, parts: int
     ) -> tuple[ParticleState, Tensor]:
         """A frame of fast water (:mod:`surfsup.sph.fast_frames`)."""
         part = FramePart(FRAME_TIME / parts)
         moved = torch.zeros(len(state.positions), dtype=torch.bool)
         for _ in range(parts):
-            frame = solver.step(state, environment, handle_collisions, part)
-            state, collided = finished(state, frame, environment, handle_collisions, part)
+            state, collided = self._step_part(state, environment, handle_collisions, part)
             moved |= collided
         return state, moved
 

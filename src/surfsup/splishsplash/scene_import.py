@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -17,22 +17,20 @@ import numpy as np
 import trimesh
 import yaml
 
-from surfsup.errors import InputError
-from surfsup.scene import Scene
+from surfsup.errors import InputError, single_line
+from surfsup.scene import Scene, quaternion
 from surfsup.scene.particle_file import read_particles
-from surfsup.scene.units import Units
+from surfsup.scene.pose import NO_ROTATION, Pose
 from surfsup.sdf import load_mesh
-from surfsup.sph.dfsph import VISCOSITY
-from surfsup.sph.liquid import ADHESION_OF_COEFFICIENT, NO_SLIP, REST_DENSITY, TENSION_OF_COEFFICIENT, VISCOSITY_FACTOR
 from surfsup.splishsplash.converted_scene import ConvertedScene
 from surfsup.splishsplash.emitters import FOREVER, PARTICLES, SPEED, closing_times, opening, turn_of
-from surfsup.splishsplash.job_files import AKINCI_NAME, AKINCI_TENSION
+from surfsup.splishsplash.joints import Hinge, hinges_of, pose_table
+from surfsup.splishsplash.materials import Liquids, liquids_of
 
 Y_TO_Z = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])  # as `up: y` of a mesh
 DEFAULTS = {"particleRadius": 0.025, "gravitation": [0.0, -9.81, 0.0]}  # of SPlisHSPlasH
 TOLERANCE = 1e-6
-AKINCI_DEFAULTS = (0.05, 0.01)  # surface tension and adhesion
-SAME_VISCOSITY = ("Standard viscosity", "Weiler et al. 2018")  # methods whose coefficient is a viscosity in m²/s
+MOTOR_SECONDS = 10.0  # of a motor with a sequence of targets, in a scene without an end
 
 Json = Mapping[str, Any]
 
@@ -94,21 +92,17 @@ class Converter:
         scene: dict[str, Any] = {"particle_radius": float(settings["particleRadius"])}
         scene["container"] = "none" if lower is None else {"size": rounded(upper - lower)}
         scene["gravity"] = placement.vector(gravity)
-        densities = {float(material.get("density0", 1000)) for material in content.get("Materials", [])}
-        density = {"density": densities.pop()} if len(densities) == 1 else {}
-        liquid = self.liquid(content, scene["particle_radius"])
-        liquid |= self.surface_tension(content, scene["particle_radius"], density.get("density", REST_DENSITY))
-        if liquid:
-            scene["liquid"] = {**liquid, **density}
-        else:
-            scene |= density
+        liquids = liquids_of(content, scene["particle_radius"])
+        self.missing += liquids.missing
+        scene |= liquids.of_scene
         solids = [body for body in bodies if body not in walls]
         if solids:
-            joints = content.get("TargetVelocityMotorHingeJoints", [])
-            jointed = {joint[key] for joint in joints for key in ("bodyID1", "bodyID2")}
-            scene["surfaces"] = self.surfaces(solids, placement, jointed)
-        fluid = self.fluid(content, placement)
-        taps = self.taps(content, placement, 2 * scene["particle_radius"])
+            hinges, missing = hinges_of(content)
+            self.missing += missing
+            duration = float(settings.get("stopAt", 0) or 0)
+            scene["surfaces"] = self.surfaces(solids, placement, hinges, duration if duration > 0 else MOTOR_SECONDS)
+        fluid = self.fluid(content, placement, liquids)
+        taps = self.taps(content, placement, 2 * scene["particle_radius"], liquids)
         if fluid or not taps:
             scene["fluid"] = fluid
         if taps:
@@ -124,13 +118,7 @@ class Converter:
 
     def note_missing(self, content: Json, settings: Json) -> None:
         """Note what the scene has and ours does not. Settings of the solver and of pictures do not count."""
-        counted = {
-            "AnimationFields": "animation fields",
-            "TargetVelocityMotorHingeJoints": "joints",
-        }
-        for key, name in counted.items():
-            if number := len(content.get(key, [])):
-                self.missing.append(f"{number} {name}" if number > 1 else f"1 {name[:-1]}")
+        self.missing += [f"the animation field {field_name(entry)}" for entry in content.get("AnimationFields", [])]
         if settings.get("sim2D"):
             self.missing.append("two dimensions")
         if settings.get("scriptFile"):
@@ -143,45 +131,6 @@ class Converter:
         ):
             if any(material.get(method) for material in materials):
                 self.missing.append(name)
-        if len({material.get("density0", 1000) for material in materials}) > 1:
-            self.missing.append("liquids of different densities")
-
-    def liquid(self, content: Json, radius: float) -> dict[str, float]:
-        """The viscosity of the materials as a liquid; empty if it is that of water as the solvers have it."""
-        found = {viscosity_of(material) for material in content.get("Materials", [])} - {None}
-        if not found:
-            return {}
-        (viscosity, at_solids, method), *others = sorted(filter(None, found))
-        if others or method not in SAME_VISCOSITY:
-            listed = ", ".join(f"{value:g} ({name})" for value, _, name in sorted(filter(None, found)))
-            self.missing.append(f"viscosities of {listed}")
-            return {}
-        of_water = (VISCOSITY, VISCOSITY * Units(radius).viscosity)
-        if not viscosity or any(math.isclose(viscosity, one, rel_tol=1e-6) for one in of_water):
-            return {}
-        friction = min(1.0, at_solids / (NO_SLIP * viscosity))
-        return {"viscosity": round(viscosity / VISCOSITY_FACTOR, 12), "friction": round(friction, 9)}
-
-    def surface_tension(self, content: Json, radius: float, density: float) -> dict[str, float]:
-        """Surface tension and adhesion of the materials; empty without both, or if their method is not ours."""
-        methods = {int(material.get("surfaceTensionMethod", 0)) for material in content.get("Materials", [])} - {0}
-        found = {tension_of(material) for material in content.get("Materials", [])}
-        if not methods:
-            return {}
-        if methods != {AKINCI_TENSION}:
-            self.missing.append(f"surface tension of another method than {AKINCI_NAME}")
-            return {}
-        if len(found) > 1:
-            self.missing.append("different surface tensions")
-            return {}
-        ((tension, adhesion),) = found
-        # Once, since the tension per density acts; twice, since their force grows with the density.
-        factor = Units(radius).tension * (density / REST_DENSITY) ** 2
-        values = {
-            "surface_tension": tension * TENSION_OF_COEFFICIENT * factor,
-            "adhesion": adhesion * ADHESION_OF_COEFFICIENT * factor,
-        }
-        return {key: round(value, 9) for key, value in values.items() if value}
 
     def box_of(self, body: Json, turn: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Lower and upper corner of the walls, with our axes.
@@ -208,11 +157,21 @@ class Converter:
             raise InputError(f"{self.source}: a rigid body has no geometryFile")
         return load_mesh(self.source.parent / body["geometryFile"])
 
-    def surfaces(self, bodies: Sequence[Json], placement: Placement, jointed: Collection[object]) -> dict[str, Any]:
-        """The rigid bodies that are no walls, by name; those whose ids are ``jointed`` stand still."""
+    def surfaces(
+        self, bodies: Sequence[Json], placement: Placement, hinges: Mapping[Any, Hinge | None], seconds: float
+    ) -> dict[str, Any]:
+        """The rigid bodies that are no walls, by name.
+
+        Args:
+            bodies: of the file.
+            placement: in our scene.
+            hinges: of bodies on joints by their ids; None for joints that we do not have.
+            seconds: for which motors with a sequence of targets are written.
+        """
         surfaces: dict[str, Any] = {}
         for number, body in enumerate(bodies, start=1):
-            if body.get("isDynamic") and body.get("id", number) in jointed:
+            key = body.get("id", number)
+            if body.get("isDynamic") and key in hinges and hinges[key] is None:
                 self.missing.append(f"rigid body {number} hangs on a joint; here it stands still")
             elif body.get("isAnimated"):
                 self.missing.append(f"rigid body {number} is moved by a script; here it stands still")
@@ -234,10 +193,29 @@ class Converter:
                 entry["rotate"] = {"axis": placement.vector(body["rotationAxis"]), "degrees": math.degrees(angle)}
             translation = vector_of(body.get("translation", [0, 0, 0]), "translation")
             entry["at"] = rounded(placement.point(middle + translation))
-            if body.get("isDynamic") and body.get("id", number) not in jointed:
-                entry["rigid_body"] = rigid_body(body, placement)
+            if body.get("isDynamic") and (key not in hinges or hinges[key] is not None):
+                entry |= self.movement(name, entry, body, placement, hinges.get(key), seconds)
             surfaces[name] = entry
         return surfaces
+
+    def movement(
+        self, name: str, entry: Json, body: Json, placement: Placement, hinge: Hinge | None, seconds: float
+    ) -> dict[str, Any]:
+        """The keys by which a body moves: freely, on an axle, or by a motor."""
+        if hinge is None:
+            return {"rigid_body": rigid_body(body, placement)}
+        point, axis = placement.point(hinge.point), placement.vector(hinge.axis)
+        if hinge.rates is None:
+            on_axle = rigid_body(body, placement)
+            on_axle.pop("velocity", None)
+            return {"rigid_body": {**on_axle, "axle": {"axis": axis, "point": rounded(point)}}}
+        if len(hinge.rates) == 1:
+            return {"motion": {"spin": {"axis": axis, "point": rounded(point), "rate": float(hinge.rates[0, 1])}}}
+        turn = entry.get("rotate")
+        rest = quaternion.about_axis(turn["axis"], math.radians(turn["degrees"])) if turn else NO_ROTATION
+        file = self.beside(f"{name}.csv")
+        self.files[file] = pose_table(hinge, Pose.of(entry["at"], rest), point, axis, seconds)
+        return {"motion": {"file": self.relative(file), "between": "smooth"}}
 
     def mesh_entry(
         self, name: str, body: Json, mesh: trimesh.Trimesh, scale: np.ndarray, placement: Placement
@@ -252,7 +230,7 @@ class Converter:
         self.files[file] = scaled
         return {"file": self.relative(file), **turned}
 
-    def fluid(self, content: Json, placement: Placement) -> list[Any]:
+    def fluid(self, content: Json, placement: Placement, liquids: Liquids) -> list[Any]:
         """Blocks and files of particles."""
         entries: list[Any] = []
         for block in content.get("FluidBlocks", []):
@@ -261,7 +239,7 @@ class Converter:
             corners = [placement.point(scale * vector_of(block[end], end) + shift) for end in ("start", "end")]
             entry = {"min": rounded(np.minimum(*corners)), "max": rounded(np.maximum(*corners))}
             velocity = placement.vector(block.get("initialVelocity", [0, 0, 0]))
-            entries.append({"block": {**entry, "velocity": velocity} if any(velocity) else entry})
+            entries.append({"block": {**entry, "velocity": velocity} if any(velocity) else entry, **liquids.of(block)})
         for number, model in enumerate(content.get("FluidModels", []), start=1):
             if "particleFile" not in model:
                 self.missing.append(f"fluid model {number}, which has no particleFile")
@@ -272,19 +250,18 @@ class Converter:
             file = self.beside(f"fluid-{number}.npy")
             self.files[file] = placement.point(moved).astype(np.float32)
             velocity = placement.vector(model.get("initialVelocity", [0, 0, 0]))
-            entries.append(
-                {"particles": {"file": self.relative(file), **({"velocity": velocity} if any(velocity) else {})}}
-            )
+            placed = {"file": self.relative(file), **({"velocity": velocity} if any(velocity) else {})}
+            entries.append({"particles": placed, **liquids.of(model)})
         return entries
 
-    def taps(self, content: Json, placement: Placement, spacing: float) -> list[Any]:
+    def taps(self, content: Json, placement: Placement, spacing: float, liquids: Liquids) -> list[Any]:
         """The emitters, for particles of a diameter of ``spacing`` meters."""
         emitters = content.get("Emitters", [])
         materials = {material.get("id", "Fluid"): material for material in content.get("Materials", [])}
-        liquids = {emitter.get("id", "Fluid"): materials.get(emitter.get("id", "Fluid"), {}) for emitter in emitters}
-        if any(material.get("emitterReuseParticles") for material in liquids.values()):
+        flowing = {emitter.get("id", "Fluid"): materials.get(emitter.get("id", "Fluid"), {}) for emitter in emitters}
+        if any(material.get("emitterReuseParticles") for material in flowing.values()):
             self.missing.append("emitters that take back particles from outside a box; here they stay")
-        limits = {liquid: float(material.get("maxEmitterParticles", PARTICLES)) for liquid, material in liquids.items()}
+        limits = {liquid: float(material.get("maxEmitterParticles", PARTICLES)) for liquid, material in flowing.items()}
         taps = []
         duration = float(content.get("Configuration", {}).get("stopAt", 0) or 0)
         ends = closing_times(emitters, spacing, limits, duration if duration > 0 else math.inf)
@@ -300,7 +277,7 @@ class Converter:
                 entry["from"] = start
             if end < FOREVER:
                 entry["until"] = round(end, 9)
-            taps.append(entry)
+            taps.append({**entry, **liquids.of(emitter)})
         return taps
 
     def beside(self, name: str) -> Path:
@@ -334,7 +311,13 @@ def import_scene(source: Path, out: Path) -> ConvertedScene:
     except (KeyError, TypeError, AttributeError, ValueError) as error:
         if isinstance(error, InputError):
             raise
-        raise InputError(f"{source}: is no scene of SPlisHSPlasH ({' '.join(str(error).split())})") from None
+        raise InputError(f"{source}: is no scene of SPlisHSPlasH ({single_line(error)})") from None
+
+
+def field_name(entry: Json) -> str:
+    """What an animation field of a file does."""
+    parts = (str(entry.get(f"expression_{axis}", "") or "0") for axis in "xyz")
+    return f"of {entry.get('particleField', 'an unknown field')} = ({', '.join(parts)})"
 
 
 def rigid_body(body: Json, placement: Placement) -> dict[str, Any]:
@@ -350,22 +333,6 @@ def rigid_body(body: Json, placement: Placement) -> dict[str, Any]:
         if any(value := placement.vector(vector_of(body.get(theirs, [0, 0, 0]), theirs))):
             entry[ours] = value
     return entry
-
-
-def viscosity_of(material: Json) -> tuple[float, float, str] | None:
-    """Coefficient of the viscosity in m²/s, the one at solids, and the method of a material; None if it has none."""
-    if not material.get("viscosityMethod", 1):
-        return None
-    for name, values in material.items():
-        if isinstance(values, dict) and "viscosity" in values:
-            return float(values["viscosity"]), float(values.get("viscosityBoundary", 0)), name
-    return None
-
-
-def tension_of(material: Json) -> tuple[float, float]:
-    """The coefficients of Akinci et al. for the surface tension of a material and for its adhesion to solids."""
-    values, (tension, adhesion) = material.get(AKINCI_NAME, {}), AKINCI_DEFAULTS
-    return float(values.get("surfaceTension", tension)), float(values.get("surfaceTensionBoundary", adhesion))
 
 
 def is_box(mesh: trimesh.Trimesh) -> bool:

@@ -15,7 +15,7 @@ import numpy as np
 from surfsup.datasets.folder import PARTIAL
 from surfsup.evaluation.metrics import center_height, kinetic_energy
 from surfsup.io.output_folder import OutputFolder, OutputFrame
-from surfsup.io.trajectory import Provenance
+from surfsup.io.trajectory_format import Provenance
 from surfsup.simulation import Simulation
 from surfsup.simulation_state import Frame
 from surfsup.sweep.case import Case

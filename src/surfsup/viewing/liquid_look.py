@@ -13,6 +13,9 @@ from surfsup.scene.liquid import LIQUIDS, Color, Liquid
 _TINT = 7.0  # 1/m, of absorption where a color is 1/e of the strongest one
 _CLEAR = 1.2  # 1/m, of absorption in the strongest color
 
+Rgb = tuple[float, float, float]  # linear, from 0 to 1
+DISPLAY_COLOR: Rgb = (0.25, 0.5, 0.8)  # of water, in programs that know one color alone
+
 
 @dataclass(frozen=True)
 class LiquidLook:
@@ -33,6 +36,18 @@ WATER = LiquidLook(np.array([6.4, 2.6, 1.5], np.float32), np.array([0.05, 0.33, 
 def looks_of(scene: Scene) -> list[LiquidLook]:
     """How each liquid of :attr:`surfsup.Scene.mixture` looks, or the only one of a scene."""
     return [look_of(liquid) for liquid in scene.mixture or [scene.liquid]]
+
+
+def display_colors(scene: Scene) -> list[Rgb]:
+    """One color for each liquid of :attr:`surfsup.Scene.mixture`, or for the only one of a scene."""
+    colors = [color_of(liquid) for liquid in scene.mixture or [scene.liquid]]
+    return [DISPLAY_COLOR if color is None else linear_color(color) for color in colors]
+
+
+def linear_color(color: Color) -> Rgb:
+    """A color of a screen as one of light."""
+    red, green, blue = (round(part**2.2, 4) for part in color)
+    return red, green, blue
 
 
 def mixed_look(looks: Sequence[LiquidLook], thicknesses: Sequence[np.ndarray]) -> LiquidLook:

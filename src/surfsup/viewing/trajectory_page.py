@@ -12,8 +12,9 @@ from surfsup.errors import InputError
 from surfsup.io.scene_poses import scene_poses
 from surfsup.io.trajectory import Trajectory
 from surfsup.scene.carriers import carrier_poses
+from surfsup.scene.scene_name import scene_name
 from surfsup.scene.solids import CONTAINER, build_solids
-from surfsup.viewing.liquid_look import look_of
+from surfsup.viewing.liquid_look import looks_of
 from surfsup.viewing.moving_mesh import MovingMesh
 from surfsup.viewing.web_player import write_web_player
 
@@ -24,7 +25,7 @@ Progress = Callable[[int, int], None]  # numbers of finished and of all frames
 
 
 def write_trajectory_page(file: Path, page: Path, progress: Progress) -> Path:
-    """Write the page that plays the trajectory in ``file``; returns the path of the page."""
+    """Write the page that plays the trajectory in ``file``, or in the folder of one; returns the path of the page."""
     with Trajectory(file) as trajectory:
         require_water(trajectory, file)
         still, moving = trajectory_meshes(trajectory)
@@ -39,12 +40,21 @@ def write_trajectory_page(file: Path, page: Path, progress: Progress) -> Path:
             moving,
             scene_poses(trajectory).get(CONTAINER),
             trajectory.scene.container.open,
-            file.resolve().parent.name if file.name == "trajectory.h5" else file.stem,
+            page_title(trajectory),
             trajectory.provenance.simulator,
             points_of_interest(trajectory),
-            look_of(trajectory.scene.liquid),
+            looks_of(trajectory.scene),
+            trajectory.liquids,
         )
     return page
+
+
+def page_title(trajectory: Trajectory) -> str:
+    """The name of the scene; where it has none that of the folder, and first that of a file with one of its own."""
+    path, scene = trajectory.path, scene_name(trajectory.scene)
+    if path.name != "trajectory.h5":
+        return f"{path.stem}: {scene}" if scene else path.stem
+    return scene or path.resolve().parent.name
 
 
 def trajectory_meshes(trajectory: Trajectory) -> tuple[trimesh.Trimesh | None, list[MovingMesh]]:

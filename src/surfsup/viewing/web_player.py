@@ -39,7 +39,8 @@ def write_web_player(
     title: str = "surfsup",
     simulator: str = "",
     focus: np.ndarray | None = None,
-    look: LiquidLook = WATER,
+    looks: Sequence[LiquidLook] = (WATER,),
+    liquids: np.ndarray | None = None,
 ) -> None:
     """Write the page that plays ``positions`` at ``path``.
 
@@ -60,7 +61,8 @@ def write_web_player(
         title: of the page.
         simulator: the name of what made the trajectory, shown beside the title with the number of particles.
         focus: points (N, 3) that the camera shows, meters; by default the particles of the first frame.
-        look: of the liquid.
+        looks: of the liquids.
+        liquids: (particles,), which of them each particle is; None for the first.
 
     Raises:
         ValueError: ``positions`` has another shape, or no frames or particles.
@@ -70,6 +72,7 @@ def write_web_player(
         raise ValueError(f"positions must be (frames, particles, 3), none of them 0; they are {positions.shape}")
     scale = picture_scale(container_size, particle_radius)
     count = positions.shape[1]
+    liquids = np.zeros(count, "<u2") if liquids is None else liquids.astype("<u2")
     focus = positions[0] if focus is None else focus
     positions, stride = _subsample(positions)
     shown = "" if positions.shape[1] == count else f", {positions.shape[1]:,} of them shown"
@@ -94,13 +97,14 @@ def write_web_player(
         "vertices": len(mesh.vertices), "faces": len(mesh.faces),
         "moving": [{"vertices": len(body.vertices), "faces": len(body.faces)} for body in bodies],
         "containerMoves": container_poses is not None, "open": is_open,
-        "absorption": look.absorption.tolist(), "scattering": look.scattering.tolist(),
+        "liquids": [{name: values.tolist() for name, values in vars(look).items()} for look in looks],
         "eye": camera.eye.tolist(), "target": camera.target.tolist(),
         "fov": FIELD_OF_VIEW, "aspect": _VIEW_SIZE[0] / _VIEW_SIZE[1],
     }  # fmt: skip
     body = b"".join([
         *(_mesh_bytes(part) for part in (mesh, *bodies)),
         *(np.asarray(path[: len(positions) * stride : stride], "<f4").tobytes() for path in poses),
+        liquids[:: _particle_stride(count)].tobytes(),
         differences.tobytes(),
     ])  # fmt: skip
     # ISA-L is ten times as fast as zlib, and the page up to a tenth larger.
@@ -128,9 +132,14 @@ def _mesh_bytes(mesh: trimesh.Trimesh) -> bytes:
 
 def _subsample(positions: np.ndarray) -> tuple[np.ndarray, int]:
     """Fewer particles and frames of (F, N, 3), and the stride between the kept frames."""
-    positions = positions[:, :: -(-positions.shape[1] // _MAX_PARTICLES)]
+    positions = positions[:, :: _particle_stride(positions.shape[1])]
     stride = max(1, -(-positions.size * 2 // _MAX_BYTES))
     return positions[::stride], stride
+
+
+def _particle_stride(count: int) -> int:
+    """Of so many particles every how many-th is shown."""
+    return -(-count // _MAX_PARTICLES)
 
 
 def _quantize(positions: np.ndarray, progress: Callable[[int, int], None]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -4,7 +4,9 @@ import pytest
 from surfsup.datasets.generation.floor import FloorWarning, simulate_floor
 from surfsup.datasets.generation.generate import generate
 from surfsup.errors import InputError
-from surfsup.io.trajectory import Provenance, Trajectory, TrajectoryWriter
+from surfsup.io.trajectory import Trajectory
+from surfsup.io.trajectory_format import Provenance
+from surfsup.io.trajectory_writer import TrajectoryWriter
 from surfsup.scene import Scene
 from surfsup.splishsplash import solver
 from tests.datasets.conftest import needs_solver

@@ -20,7 +20,9 @@ from surfsup.datasets.generation.progress_estimate import ProgressEstimate
 from surfsup.datasets.generation.worker_pool import open_worker_pool, until_canceled
 from surfsup.datasets.units import check_simulator_frames
 from surfsup.errors import InputError
-from surfsup.io.trajectory import Provenance, Trajectory, TrajectoryWriter
+from surfsup.io.trajectory import Trajectory
+from surfsup.io.trajectory_format import Provenance
+from surfsup.io.trajectory_writer import TrajectoryWriter
 from surfsup.scene import Block, Fluid, InitialParticles, Scene
 from surfsup.scene.solids import build_solids
 from surfsup.splishsplash import solver

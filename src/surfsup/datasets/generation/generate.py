@@ -14,7 +14,8 @@ from surfsup.datasets.generation.record import GenerationRecord, write_record
 from surfsup.datasets.generation.scene_sampler import SceneSampler
 from surfsup.datasets.generation.worker_pool import open_worker_pool, until_canceled
 from surfsup.errors import InputError, SimulationError
-from surfsup.io.trajectory import Provenance, TrajectoryWriter
+from surfsup.io.trajectory_format import Provenance
+from surfsup.io.trajectory_writer import TrajectoryWriter
 from surfsup.splishsplash import solver
 from surfsup.splishsplash.entering_water import with_ids
 

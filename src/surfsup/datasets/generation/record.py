@@ -7,11 +7,13 @@ from pathlib import Path
 
 import h5py
 
+from surfsup.checked.hdf5 import stored_dataset, stored_object
 from surfsup.datasets.generation.checked_simulation import CheckedSimulation
 from surfsup.datasets.generation.scene_sampler import SceneSampler
 from surfsup.datasets.generation.statistics import Moments
-from surfsup.errors import InputError
-from surfsup.io.trajectory import GROUP, TrajectoryWriter
+from surfsup.errors import InputError, single_line
+from surfsup.io.trajectory_format import GROUP
+from surfsup.io.trajectory_writer import TrajectoryWriter
 
 RECORD_GROUP = "data_set"
 REJECTIONS = "set_aside"  # the attribute's name in files since version 0.1
@@ -50,10 +52,12 @@ class GenerationRecord:
         Raises:
             InputError: the file is cut off, or was not made by ``surfsup generate``.
         """
+        if not path.is_file():
+            raise InputError(f"{path}: is no plain file; move it away")
         try:
             with h5py.File(path, "r") as file:
-                provenance, attributes = file.attrs, dict(file[RECORD_GROUP].attrs)
-                frames, particles, _ = file[f"{GROUP}/position"].shape
+                provenance, attributes = file.attrs, dict(stored_object(file, RECORD_GROUP).attrs)
+                frames, particles, _ = stored_dataset(file, f"{GROUP}/position").shape
                 return cls(
                     str(attributes["recipe"]),
                     int(attributes["seed"]),
@@ -65,8 +69,8 @@ class GenerationRecord:
                     int(particles),
                     Moments.from_attributes(attributes),
                 )
-        except (OSError, KeyError, TypeError, ValueError) as error:
-            reason = " ".join(str(error).split())
+        except (OSError, RuntimeError, KeyError, TypeError, ValueError, OverflowError) as error:
+            reason = single_line(error)
             raise InputError(
                 f"{path}: was cut off, or not made by 'surfsup generate' ({reason}); move it away"
             ) from None

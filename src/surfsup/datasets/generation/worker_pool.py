@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from surfsup import __version__
 from surfsup.datasets.folder import lock_token
-from surfsup.errors import InputError, SimulationError
+from surfsup.errors import InputError, SimulationError, single_line
 from surfsup.splishsplash import solver
 
 if TYPE_CHECKING:
@@ -72,7 +72,7 @@ class WorkerPool:
         )
         for worker, problem in found.items():
             if isinstance(problem, BaseException):
-                problem = f"cannot run surfsup {__version__} ({' '.join(str(problem).split())})"
+                problem = f"cannot run surfsup {__version__} ({single_line(problem)})"
             if problem is not None:
                 raise InputError(problem if self._scheduler is None else f"worker {worker}: {problem}")
 

@@ -243,6 +243,10 @@ function showFixed() {
   const notices = skipped.length ? [`${plural(skipped.length, "file")} ${skipped.length === 1 ? "is" : "are"} not valid and listed below.`] : [];
   for (const one of report.data) if (one.scenes && one.floor_missing)
     notices.push(`${one.floors ? `Only ${one.floors} of the ${one.scenes} scenes` : "No scene"} of ${one.name} ${one.floors > 1 ? "have" : "has"} a reproducibility floor: ${one.floor_missing}.`);
+  for (const one of report.data) {
+    const members = report.scenes.filter((scene) => scene.data === one.name), far = members.filter((scene) => !scene.reached_solid).length;
+    if (far) notices.push(`In ${far} of the ${members.length} scenes of ${one.name} no particle came near a solid: Chamfer Surface and Surface Penetration are 0 there and say nothing.`);
+  }
   for (const one of report.data) if (one.domain_warning) notices.push(`${one.domain_warning}.`);
   byId("notices").innerHTML = notices.map((text) => `<div class="notice">${escape(text)}</div>`).join("");
   byId("skipped-section").hidden = !skipped.length;

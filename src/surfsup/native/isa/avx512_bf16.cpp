@@ -1,5 +1,7 @@
-// For processors with AVX-512 BF16: only what multiplies matrices of bfloat16. The rest is in avx512.cpp.
+// For processors with AVX-512 BF16: only what multiplies matrices of bfloat16. The rest is in
+// avx512_fields.cpp.
 #define ISA isa_avx512_bf16
+#define SIXTEEN_LANES
 
 #include "isa/isa.hpp"
 #include "learned/message_passing_isa.hpp"

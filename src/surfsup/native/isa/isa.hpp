@@ -17,9 +17,8 @@ namespace surfsup {
 class Arena;
 void* take(Arena& arena, int64_t bytes);  // nullptr where memory ran out
 
-struct Isa {
-    const char* name;
-    bool (*supported)();
+// Sums over neighbors, in sph/.
+struct SphKernels {
     int rows;  // particles in a block
 
     // Neighbors of sorted particles, kept in the first arena. Returns the number of pairs, -1 where memory ran out. `searching`
@@ -43,20 +42,10 @@ struct Isa {
     void (*sum_liquid_impulses)(const Frame&, const ImpulseSums&, int32_t begin, int32_t end, double* rows);
     // Adds the impulses of these pressures on solids and walls to rows like those of the sums.
     void (*sum_impulses)(const Frame&, const ImpulseSums&, int32_t begin, int32_t end, double* rows);
+};
 
-    // Neighbor convolution and its gradients, see learned/convolution.hpp.
-    void (*convolve)(const NeighborGraph&, int width, const float* values, const float* weights, float* out, int32_t begin,
-                     int32_t end, float* scratch);
-    void (*convolve_values_gradient)(const NeighborGraph&, int width, const float* gradient, const float* weights,
-                                     float* values_gradient, int32_t begin, int32_t end, float* scratch);
-    void (*convolve_weights_gradient)(const NeighborGraph&, int width, const float* values, const float* gradient,
-                                      float* weights_gradient, int32_t begin, int32_t end, float* scratch);
-
-    // Perceptrons of a message-passing network, see learned/message_passing_data.hpp. `bfloat16` returns null where this
-    // processor has no dot product of bfloat16 with these instructions.
-    MessagePassingKernels float32;
-    const MessagePassingKernels* (*bfloat16)();
-
+// Signed distances, in sdf/.
+struct SdfKernels {
     // Signed distance of points begin to end and, unless null, their unit normal.
     void (*evaluate_tree)(const CsgTree&, const float* points, int32_t begin, int32_t end, float* distance, float* normal);
     // Samples of a neural field at points (count, 3) in its own frame. `indices` has room for `count`, `scratch` for
@@ -66,7 +55,35 @@ struct Isa {
     int64_t (*field_scratch_size)(const NeuralField&);
 };
 
+// Networks, in learned/.
+struct LearnedKernels {
+    int rows;  // particles in a block
+    // Neighbor convolution and its gradients, see learned/convolution.hpp.
+    void (*convolve)(const NeighborGraph&, int width, const float* values, const float* weights, float* out, int32_t begin,
+                     int32_t end, float* scratch);
+    void (*convolve_values_gradient)(const NeighborGraph&, int width, const float* gradient, const float* weights,
+                                     float* values_gradient, int32_t begin, int32_t end, float* scratch);
+    void (*convolve_weights_gradient)(const NeighborGraph&, int width, const float* values, const float* gradient,
+                                      float* weights_gradient, int32_t begin, int32_t end, float* scratch);
+    // Perceptrons of a message-passing network, see learned/message_passing_data.hpp.
+    MessagePassingKernels float32;
+};
+
+struct Isa {
+    const char* name;
+    bool (*supported)();
+    const SphKernels* sph;
+    const SdfKernels* sdf;
+    const LearnedKernels* learned;
+    // Perceptrons with dot products of bfloat16; null where this processor has none with these instructions.
+    const MessagePassingKernels* (*bfloat16)();
+};
+
 extern const Isa avx512, avx2, plain;
+
+// With sixteen lanes; the sums over neighbors of `avx512` have eight.
+extern const SdfKernels avx512_sdf;
+extern const LearnedKernels avx512_learned;
 
 // Null where the processor or the compiler lacks AVX-512 BF16.
 const MessagePassingKernels* avx512_bf16();

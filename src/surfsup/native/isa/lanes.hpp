@@ -5,14 +5,19 @@
 #include <cstdint>
 #include <cstring>
 
-#if defined(__AVX512F__) || defined(__AVX2__)
+#if defined(__AVX2__)
 #include <immintrin.h>
+#endif
+
+// A file that defines SIXTEEN_LANES has them where the processor does.
+#if defined(SIXTEEN_LANES) && defined(__AVX512F__)
+#define WIDE
 #endif
 
 namespace ISA {
 namespace {
 
-#if defined(__AVX512F__)
+#if defined(WIDE)
 constexpr int LANES = 16;
 constexpr int ROWS = 12;  // particles in a block: 12 x 2 sums of a matrix product fit the 32 registers
 #elif defined(__AVX2__)
@@ -47,7 +52,7 @@ inline void store(void* to, Vector values) {
 
 // Stores to an aligned place past the caches, which need not read it first: for what is read much later.
 inline void store_past_caches(float* to, Floats values) {
-#if defined(__AVX512F__)
+#if defined(WIDE)
     _mm512_stream_ps(to, (__m512)values);
 #elif defined(__AVX2__)
     _mm256_stream_ps(to, (__m256)values);
@@ -57,7 +62,7 @@ inline void store_past_caches(float* to, Floats values) {
 }
 
 inline Floats square_root(Floats values) {
-#if defined(__AVX512F__)
+#if defined(WIDE)
     return (Floats)_mm512_sqrt_ps((__m512)values);
 #elif defined(__AVX2__)
     return (Floats)_mm256_sqrt_ps((__m256)values);
@@ -70,7 +75,7 @@ inline Floats square_root(Floats values) {
 
 // 1 / x with relative error 2e-7, for normal x with a normal reciprocal.
 inline Floats reciprocal(Floats x) {
-#if defined(__AVX512F__)
+#if defined(WIDE)
     const Floats guess = (Floats)_mm512_rcp14_ps((__m512)x);
     return guess * (2.0f - x * guess);  // one Newton step
 #elif defined(__AVX2__)
@@ -83,7 +88,7 @@ inline Floats reciprocal(Floats x) {
 
 // 1 / sqrt(x) with relative error 3e-7, for normal x.
 inline Floats reciprocal_root(Floats x) {
-#if defined(__AVX512F__)
+#if defined(WIDE)
     const Floats guess = (Floats)_mm512_rsqrt14_ps((__m512)x);
     return guess * (1.5f - 0.5f * x * guess * guess);
 #elif defined(__AVX2__)
@@ -128,7 +133,7 @@ inline Floats silu(Floats x) { return x * sigmoid(x); }
 
 // The sum of the lanes.
 inline float sum(Floats values) {
-#if defined(__AVX512F__)
+#if defined(WIDE)
     return _mm512_reduce_add_ps((__m512)values);
 #elif defined(__AVX2__)
     const __m128 four = _mm_add_ps(_mm256_castps256_ps128((__m256)values), _mm256_extractf128_ps((__m256)values, 1));
@@ -168,7 +173,7 @@ inline void sum_each(const Eight (&values)[8], float* to) {
 
 // Folds more than eight lanes onto eight by addition; pads fewer with zeros.
 inline Eight as_eight(Floats values) {
-#if defined(__AVX512F__)
+#if defined(WIDE)
     return (Eight)_mm256_add_ps(_mm512_castps512_ps256((__m512)values), _mm512_extractf32x8_ps((__m512)values, 1));
 #elif defined(__AVX2__)
     return values;
@@ -180,10 +185,10 @@ inline Eight as_eight(Floats values) {
 // Gathers the first four floats of rows of ROW floats.
 template <int ROW>
 inline void pick_four(const float* from, const int32_t* index, Floats& x, Floats& y, Floats& z, Floats& w) {
-#if defined(__AVX512F__) || defined(__AVX2__)
+#if defined(__AVX2__)
     const auto row = [&](int lane) { return _mm_loadu_ps(from + ROW * static_cast<int64_t>(index[lane])); };
 #endif
-#if defined(__AVX512F__)
+#if defined(WIDE)
     const auto four = [&](int lane) {
         __m512 rows = _mm512_castps128_ps512(row(lane));
         rows = _mm512_mask_broadcast_f32x4(rows, 0x00F0, row(lane + 4));
@@ -222,7 +227,7 @@ inline Floats fourth(const float* from, const int32_t* index) {
     return w;
 }
 
-#if defined(__AVX2__) && !defined(__AVX512F__)
+#if defined(__AVX2__) && !defined(__AVX512VL__)
 // For every lane mask the permutation that moves its lanes to the front.
 struct Fronts {
     int32_t lanes[1 << LANES][LANES];
@@ -237,9 +242,13 @@ alignas(64) constexpr Fronts FRONTS{};
 
 // Appends the lanes of a mask to a list of `length` entries, which must have room for LANES more. Returns the new length.
 inline int64_t append(int32_t* to, int64_t length, Ints set, Ints index) {
-#if defined(__AVX512F__)
+#if defined(WIDE)
     const __mmask16 mask = _mm512_movepi32_mask((__m512i)set);
     _mm512_storeu_si512(to + length, _mm512_maskz_compress_epi32(mask, (__m512i)index));
+    return length + __builtin_popcount(mask);
+#elif defined(__AVX512VL__)
+    const __mmask8 mask = _mm256_movepi32_mask((__m256i)set);
+    store(to + length, _mm256_maskz_compress_epi32(mask, (__m256i)index));
     return length + __builtin_popcount(mask);
 #elif defined(__AVX2__)
     const auto mask = static_cast<unsigned>(_mm256_movemask_ps((__m256)set));

@@ -1,11 +1,16 @@
 // For every processor.
 #define ISA isa_plain
-#define ISA_NAME "plain"
-#define NAME plain
-#define BFLOAT16 no_bfloat16
+
+#include "isa/field_tables.hpp"
+#include "isa/sph_table.hpp"
 
 namespace surfsup {
-static bool supported() { return true; }
-}  // namespace surfsup
+namespace {
 
-#include "isa/table.hpp"
+bool supported() { return true; }
+
+}  // namespace
+
+const Isa plain = {"plain", supported, &ISA::SPH, &ISA::SDF, &ISA::LEARNED, no_bfloat16};
+
+}  // namespace surfsup

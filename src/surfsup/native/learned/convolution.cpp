@@ -19,7 +19,7 @@ const Isa& fastest() {
 }
 
 std::vector<AlignedFloats> scratch_of(int threads, int width) {
-    const auto size = static_cast<size_t>(fastest().rows * (KERNELS + 2) * width);
+    const auto size = static_cast<size_t>(fastest().learned->rows * (KERNELS + 2) * width);
     return std::vector<AlignedFloats>(static_cast<size_t>(std::max(1, threads)), AlignedFloats(size));
 }
 
@@ -42,7 +42,8 @@ void convolve(const NeighborGraph& graph, int width, const float* hidden, const 
     const AlignedFloats weights = rows_per_input(width, mix, self);
     auto scratch = scratch_of(threads, width);
     in_parallel(threads, graph.count, PORTION, [&](int thread, int32_t begin, int32_t end) {
-        fastest().convolve(graph, width, hidden, weights.data(), out, begin, end, scratch[static_cast<size_t>(thread)].data());
+        fastest().learned->convolve(graph, width, hidden, weights.data(), out, begin, end,
+                                    scratch[static_cast<size_t>(thread)].data());
     });
 }
 
@@ -55,16 +56,17 @@ void convolve_gradient(const NeighborGraph& graph, int width, const float* hidde
         AlignedFloats weights(size);
         std::copy_n(self, width * width, std::copy_n(mix, KERNELS * width * width, weights.data()));
         in_parallel(threads, graph.count, PORTION, [&](int thread, int32_t begin, int32_t end) {
-            fastest().convolve_values_gradient(graph, width, out_gradient, weights.data(), hidden_gradient, begin, end,
-                                               scratch[static_cast<size_t>(thread)].data());
+            fastest().learned->convolve_values_gradient(graph, width, out_gradient, weights.data(), hidden_gradient, begin, end,
+                                                        scratch[static_cast<size_t>(thread)].data());
         });
     }
     std::vector<AlignedFloats> slices(SLICES, AlignedFloats(size, 0.0f));
     in_parallel(threads, SLICES, 1, [&](int thread, int32_t slice, int32_t) {
         const auto begin = static_cast<int32_t>(static_cast<int64_t>(graph.count) * slice / SLICES);
         const auto end = static_cast<int32_t>(static_cast<int64_t>(graph.count) * (slice + 1) / SLICES);
-        fastest().convolve_weights_gradient(graph, width, hidden, out_gradient, slices[static_cast<size_t>(slice)].data(),
-                                            begin, end, scratch[static_cast<size_t>(thread)].data());
+        fastest().learned->convolve_weights_gradient(graph, width, hidden, out_gradient,
+                                                     slices[static_cast<size_t>(slice)].data(), begin, end,
+                                                     scratch[static_cast<size_t>(thread)].data());
     });
     for (int slice = 1; slice < SLICES; ++slice)
         for (size_t k = 0; k < size; ++k) slices[0][k] += slices[static_cast<size_t>(slice)][k];

@@ -14,7 +14,7 @@ constexpr int32_t PORTION = 4 * ROW_TILE;  // rows or receivers
 constexpr int SLICES = 8;  // of the rows; their gradients are added in this order, whatever the number of threads
 
 const MessagePassingKernels& kernels_of(const Isa& isa, Precision precision) {
-    if (precision == Precision::FLOAT32) return isa.float32;
+    if (precision == Precision::FLOAT32) return isa.learned->float32;
     const MessagePassingKernels* kernels = isa.bfloat16();
     if (!kernels) throw std::invalid_argument(std::string("there is no bfloat16 with the instruction set '") + isa.name + "'");
     return *kernels;

@@ -30,10 +30,10 @@ public:
     // The memory that `field` refers to must live as long as the pointer.
     explicit NeuralShape(std::shared_ptr<const NeuralField> field) : field_(std::move(field)) {}
 
-    int64_t scratch_size(const Isa& isa) const override { return isa.field_scratch_size(*field_); }
+    int64_t scratch_size(const Isa& isa) const override { return isa.sdf->field_scratch_size(*field_); }
     void sample(const Isa& isa, const float* points, int32_t count, const Samples& samples, int32_t* indices,
                 float* scratch) const override {
-        isa.sample_field(*field_, points, count, samples, indices, scratch);
+        isa.sdf->sample_field(*field_, points, count, samples, indices, scratch);
     }
     void sample_undecided(const float*, int32_t, float*, float*) const override {}  // only points that are NaN
 

@@ -117,7 +117,7 @@ void Solid::evaluate(const float* points, int32_t count, float* distance, float*
     const CsgTree tree{nodes_.data(), parameters_.data(), parts_.data(), static_cast<int32_t>(nodes_.size()) - 1,
                        samples.data()};
     in_parallel(threads, count, CHUNK,
-                [&](int, int32_t begin, int32_t end) { isa.evaluate_tree(tree, points, begin, end, distance, normal); });
+                [&](int, int32_t begin, int32_t end) { isa.sdf->evaluate_tree(tree, points, begin, end, distance, normal); });
 }
 
 void Solid::sample(const PlacedShape& placed, const Isa& isa, const float* points, int32_t count, const Samples& samples,

@@ -44,7 +44,7 @@ void LiquidSolver::begin(const LiquidParameters* parameters, const int32_t* liqu
 
 // Every portion of the particles has a sum of its own, so that the result does not depend on the number of threads.
 double LiquidSolver::sum_of(const Range& part) {
-    const int32_t portion = 4 * isa_->rows;
+    const int32_t portion = 4 * isa_->sph->rows;
     portions_.assign(static_cast<size_t>((count_ + portion - 1) / portion), 0.0);
     in_parallel(threads_, count_, portion,
                 [&](int, int32_t begin, int32_t end) { portions_[static_cast<size_t>(begin / portion)] = part(begin, end); });
@@ -71,10 +71,10 @@ double LiquidSolver::kinetic_energy(const Frame& frame, int substep) {
 
 void LiquidSolver::advance(Frame& frame, int substep) {
     const double before = kinetic_energy(frame, substep);
-    sum_of([&](int32_t begin, int32_t end) { return isa_->measure_liquid(frame, substep, begin, end), 0.0; });
+    sum_of([&](int32_t begin, int32_t end) { return isa_->sph->measure_liquid(frame, substep, begin, end), 0.0; });
     if (attracts_) {
-        sum_of([&](int32_t begin, int32_t end) { return isa_->find_surface_normals(frame, begin, end), 0.0; });
-        sum_of([&](int32_t begin, int32_t end) { return isa_->apply_tension(frame, begin, end), 0.0; });
+        sum_of([&](int32_t begin, int32_t end) { return isa_->sph->find_surface_normals(frame, begin, end), 0.0; });
+        sum_of([&](int32_t begin, int32_t end) { return isa_->sph->apply_tension(frame, begin, end), 0.0; });
     }
     const double attracted = kinetic_energy(frame, substep);
     work_ += attracted - before;
@@ -95,10 +95,10 @@ void LiquidSolver::solve_viscosity(Frame& frame, int substep) {
             direction(i)[3] = own.mass * own.viscosity;
         }
     const auto multiply = [&] {
-        return sum_of([&](int32_t begin, int32_t end) { return isa_->multiply_viscosity(frame, begin, end); });
+        return sum_of([&](int32_t begin, int32_t end) { return isa_->sph->multiply_viscosity(frame, begin, end); });
     };
     sum_of([&](int32_t begin, int32_t end) {
-        isa_->prepare_viscosity(frame, begin, end);
+        isa_->sph->prepare_viscosity(frame, begin, end);
         for (int32_t i = begin; i < end; ++i)
             for (int axis = 0; axis < 3; ++axis) {
                 const int64_t k = at(i) + axis;
@@ -184,11 +184,11 @@ void LiquidSolver::solve_viscosity(Frame& frame, int substep) {
 }
 
 void LiquidSolver::add_impulses(const Frame& frame, const ImpulseSums& sums) {
-    const int32_t portion = 4 * isa_->rows;
+    const int32_t portion = 4 * isa_->sph->rows;
     const auto width = static_cast<size_t>(IMPULSE_ROW) * static_cast<size_t>(sums.count);
     portions_.assign(width * static_cast<size_t>((count_ + portion - 1) / portion), 0.0);
     in_parallel(threads_, count_, portion, [&](int, int32_t begin, int32_t end) {
-        isa_->sum_liquid_impulses(frame, sums, begin, end, &portions_[width * static_cast<size_t>(begin / portion)]);
+        isa_->sph->sum_liquid_impulses(frame, sums, begin, end, &portions_[width * static_cast<size_t>(begin / portion)]);
     });
     for (size_t k = 0; k < portions_.size(); ++k) sums.rows[k % width] += portions_[k];
 }

@@ -58,7 +58,7 @@ NeighborPairs find_neighbor_pairs(const float* positions, int32_t count, double 
     const Isa& isa = *instruction_sets().front();
     std::vector<Arena> arenas(static_cast<size_t>(workers));
     std::vector<std::vector<char>> searches(static_cast<size_t>(workers),
-                                            std::vector<char>(static_cast<size_t>(isa.search_bytes)));
+                                            std::vector<char>(static_cast<size_t>(isa.sph->search_bytes)));
     std::vector<Senders> lists(static_cast<size_t>(count));
     std::atomic<int64_t> total{0};
     std::atomic<bool> enough_memory{true};
@@ -68,7 +68,7 @@ NeighborPairs find_neighbor_pairs(const float* positions, int32_t count, double 
         int64_t here = 0;
         for (int32_t i = begin; i < end; ++i) {
             const int32_t* found = nullptr;
-            const int64_t near = isa.find_within(frame, i, arenas[t], searches[t].data(), found);
+            const int64_t near = isa.sph->find_within(frame, i, arenas[t], searches[t].data(), found);
             auto* senders = near < 0 ? nullptr : static_cast<int32_t*>(arenas[t].take(4 * near));
             if (!senders) {
                 enough_memory = false;

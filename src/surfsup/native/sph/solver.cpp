@@ -97,13 +97,13 @@ int64_t Solver::find_neighbors(const Frame& frame, const Isa& isa, int threads, 
         arenas->resize(std::max(arenas->size(), static_cast<size_t>(threads)));
         for (Arena& arena : *arenas) arena.reset();
     }
-    searches_.assign(static_cast<size_t>(threads), std::vector<char>(static_cast<size_t>(isa.search_bytes)));
+    searches_.assign(static_cast<size_t>(threads), std::vector<char>(static_cast<size_t>(isa.sph->search_bytes)));
     std::atomic<int64_t> pairs{0};
     std::atomic<bool> enough_memory{true};
-    in_parallel(threads, frame.count, 4 * isa.rows, [&](int thread, int32_t begin, int32_t end) {
+    in_parallel(threads, frame.count, 4 * isa.sph->rows, [&](int thread, int32_t begin, int32_t end) {
         if (!enough_memory || pairs > max_pairs) return;
         const auto t = static_cast<size_t>(thread);
-        const int64_t found = isa.find_neighbors(frame, begin, end, arenas_[t], searching_[t], searches_[t].data());
+        const int64_t found = isa.sph->find_neighbors(frame, begin, end, arenas_[t], searching_[t], searches_[t].data());
         found < 0 ? void(enough_memory = false) : void(pairs += found);
     });
     if (!enough_memory) throw std::bad_alloc();
@@ -144,11 +144,11 @@ void Solver::add_solid_work(int32_t count, double mass) {
 // Adds the impulses of the present pressures. Every portion of the particles has a sum of its own, so that the result does not
 // depend on the number of threads.
 void Solver::add_impulses(const Frame& frame, const Isa& isa, int threads, const ImpulseSums& sums) {
-    const int32_t portion = 4 * isa.rows, portions = (frame.count + portion - 1) / portion;
+    const int32_t portion = 4 * isa.sph->rows, portions = (frame.count + portion - 1) / portion;
     const auto width = static_cast<size_t>(IMPULSE_ROW) * static_cast<size_t>(sums.count);
     portion_impulses_.assign(width * static_cast<size_t>(portions), 0.0);
     in_parallel(threads, frame.count, portion, [&](int, int32_t begin, int32_t end) {
-        isa.sum_impulses(frame, sums, begin, end, &portion_impulses_[width * static_cast<size_t>(begin / portion)]);
+        isa.sph->sum_impulses(frame, sums, begin, end, &portion_impulses_[width * static_cast<size_t>(begin / portion)]);
     });
     for (size_t k = 0; k < portion_impulses_.size(); ++k) sums.rows[k % width] += portion_impulses_[k];
 }
@@ -164,7 +164,7 @@ int64_t Solver::advance(const Fluid& fluid, float* positions, float* velocities,
     const int workers = std::max(1, threads);
     const int64_t pairs = find_neighbors(frame, isa, workers, max_pairs);
     if (pairs > max_pairs) return pairs;
-    const int32_t portion = 4 * isa.rows;
+    const int32_t portion = 4 * isa.sph->rows;
     MovingFrame moving{};
     solid_work_ = 0;
     if (fluid.moving) {
@@ -183,10 +183,10 @@ int64_t Solver::advance(const Fluid& fluid, float* positions, float* velocities,
             if (fluid.impulses) liquid_.add_impulses(frame, *fluid.impulses);
         }
         in_parallel(workers, fluid.count, portion,
-                    [&](int, int32_t begin, int32_t end) { isa.compute_pressures(frame, substep, begin, end); });
+                    [&](int, int32_t begin, int32_t end) { isa.sph->compute_pressures(frame, substep, begin, end); });
         if (fluid.impulses) add_impulses(frame, isa, workers, *fluid.impulses);
         in_parallel(workers, fluid.count, portion,
-                    [&](int, int32_t begin, int32_t end) { isa.apply_pressures(frame, substep, begin, end); });
+                    [&](int, int32_t begin, int32_t end) { isa.sph->apply_pressures(frame, substep, begin, end); });
         if (fluid.moving) add_solid_work(fluid.count, total_mass(fluid.masses, fluid.count));
     }
     return finite ? pairs : -1;

@@ -31,7 +31,7 @@ def stop_crossings(
     """
     with torch.no_grad():
         rows = possible_crossings(before, positions, last)
-        rows, cut = entries(before[rows], positions[rows], surface, rows)
+        rows, cut = crossings(before[rows], positions[rows], surface, rows)
         if len(rows) == 0:
             return positions, None
         parts = torch.ones_like(positions[:, :1]).index_copy(0, rows, cut[:, None])
@@ -48,16 +48,17 @@ def possible_crossings(before: Tensor, positions: Tensor, last: LastQuery | None
     return torch.nonzero(possible)[:, 0]
 
 
-def entries(start: Tensor, end: Tensor, surface: Surface, rows: Tensor) -> tuple[Tensor, Tensor]:
-    """Which of particles ``rows`` (K,) pass through the solid, and the part of their path up to it.
+def entering(start: Tensor, end: Tensor, surface: Surface, touch: float) -> tuple[Tensor, Tensor]:
+    """Which of the paths (K,) from ``start`` to ``end`` (K, 3) enter the solid, and the part of each up to it.
 
-    Sphere tracing (J. C. Hart, "Sphere tracing", The Visual Computer 12, 1996) from ``start`` to ``end`` (K, 3).
+    Sphere tracing (J. C. Hart, "Sphere tracing", The Visual Computer 12, 1996). A path enters where it comes as near to
+    the solid as ``touch`` in meters and as its contact. Those that begin inside are left out.
     """
     path = end - start
     length = torch.linalg.vector_norm(path, dim=-1)
     part, contact, cut = torch.zeros_like(length), torch.zeros_like(length), torch.full_like(length, -1.0)
     entered = torch.zeros_like(length, dtype=torch.bool)
-    going = torch.arange(len(rows))
+    going = torch.arange(len(start))
     for advance in range(MAX_ADVANCES + 1):
         if len(going) == 0:
             break
@@ -67,16 +68,23 @@ def entries(start: Tensor, end: Tensor, surface: Surface, rows: Tensor) -> tuple
             contact[going] = CONTACT_FRACTION * distance.clamp(max=CLEARANCE)
         near = distance <= contact[going]
         cut[going] = torch.where(near, torch.where(cut[going] < 0, part[going], cut[going]), -1.0)
-        touches = distance <= contact[going].clamp(max=TOUCH * CLEARANCE)
+        touches = distance <= contact[going].clamp(max=touch)
         if advance == MAX_ADVANCES:
             touches = torch.ones_like(touches)
         entered[going[touches]] = cut[going[touches]] >= 0
         part[going] += distance / LIPSCHITZ_BOUND / length[going]
         going = going[~touches & (part[going] < 1)]
     chosen = torch.nonzero(entered)[:, 0]
+    return chosen, cut[chosen]
+
+
+def crossings(start: Tensor, end: Tensor, surface: Surface, rows: Tensor) -> tuple[Tensor, Tensor]:
+    """Which of particles ``rows`` (K,) pass through the solid, and the part of their path up to it."""
+    chosen, cut = entering(start, end, surface, TOUCH * CLEARANCE)
     if len(chosen) == 0:
-        return rows[chosen], cut[chosen]
-    _, at_entry = surface.distance_and_normal(start[chosen] + cut[chosen, None] * path[chosen])
-    distance, at_end = surface.distance_and_normal(end[chosen])
-    behind = chosen[(distance > CLEARANCE) | ((at_entry * at_end).sum(dim=-1) < 0)]
-    return rows[behind], cut[behind]
+        return rows[chosen], cut
+    start, end = start[chosen], end[chosen]
+    _, at_entry = surface.distance_and_normal(start + cut[:, None] * (end - start))
+    distance, at_end = surface.distance_and_normal(end)
+    behind = (distance > CLEARANCE) | ((at_entry * at_end).sum(dim=-1) < 0)
+    return rows[chosen[behind]], cut[behind]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache
 from typing import Any
 
 import torch
@@ -13,74 +12,16 @@ from torch import Tensor
 from torch.autograd.function import once_differentiable
 
 from surfsup import warp_runtime as runtime
-from surfsup.scene import FRAME_TIME
-from surfsup.sph.boundary.boundary_map import BoundaryMap
-from surfsup.sph.boundary.density import plane_fraction_table
-from surfsup.sph.boundary.shape_functions import CELL_NODES, local_coordinates
-from surfsup.sph.boundary.walls import wall_cells
-from surfsup.sph.environment import Environment
-from surfsup.sph.state import SUBSTEP_TIME, SUBSTEPS
+from surfsup.sph.state import WHOLE_FRAME, FramePart
+from surfsup.sph.warp_engine.boundary import Boundary
+from surfsup.sph.warp_engine.impulses import ImpulseSums, add_pressure_impulses
 from surfsup.sph.warp_engine.kernels.adjoint import adjoint_kernels
-from surfsup.sph.warp_engine.kernels.boundary import NO_SOLID, PLANE, VOLUME_MAP, boundary_kernels
+from surfsup.sph.warp_engine.kernels.boundary import PLANE, boundary_kernels
 from surfsup.sph.warp_engine.kernels.substeps import substep_kernels
 from surfsup.sph.warp_engine.kernels.transfer import transfer_kernels
+from surfsup.sph.warp_engine.moving_boundary import MovingDensity
 from surfsup.sph.warp_engine.neighbors import NeighborSearch, empty_table
-from surfsup.warp_runtime import Precision, precision_of
-
-
-@dataclass(frozen=True)
-class Boundary:
-    """Container, solid and gravity as the kernels take them.
-
-    Attributes:
-        solid: ``NO_SOLID``, ``PLANE`` or ``VOLUME_MAP``.
-        inputs: of ``evaluate_boundary``, from ``lower`` to ``nodes``.
-        gravity: vector, m/s².
-        fallen: velocity of a frame of free fall from rest, m/s.
-    """
-
-    solid: int
-    inputs: list[Any]
-    gravity: Any
-    fallen: Any
-
-
-def boundary_of(environment: Environment, precision: Precision, like: Tensor) -> Boundary:
-    """The boundary of an environment, on the device and in the precision of ``like``."""
-    device, dtype = like.device, like.dtype
-    real, vec3 = precision.real, precision.vec3
-    lower, upper, acceleration = environment.on_host
-    corners = [vec3(*value.tolist()) for value in (lower, upper, wall_cells(lower, upper))]
-    table, places = tables_on(precision, device, dtype)
-    volume_map = boundary_kernels(precision).Map()
-    if environment.boundary_map is None:
-        solid = NO_SOLID if environment.surface is None else PLANE
-        cell_indices, nodes = None, None
-    else:
-        solid = VOLUME_MAP
-        fill_map(volume_map, environment.boundary_map, precision)
-        *_, indices, values = environment.boundary_map.tables.on(device, dtype)
-        cell_indices = runtime.to_warp(indices, wp.int32)
-        nodes = runtime.to_warp(values.flatten(1), real)
-    inputs = [*corners, table, solid, volume_map, places, cell_indices, nodes]
-    gravity, fallen = (vec3(*value.tolist()) for value in (acceleration, FRAME_TIME * acceleration))
-    return Boundary(solid, inputs, gravity, fallen)
-
-
-def fill_map(struct: Any, boundary_map: BoundaryMap, precision: Precision) -> None:
-    """Write the grid of a volume map into the kernels' struct."""
-    tables = boundary_map.tables
-    struct.lower, struct.cell = precision.vec3(*tables.lower.tolist()), precision.vec3(*tables.cell.tolist())
-    struct.rotation = precision.mat33(*boundary_map.rotation.ravel().tolist())
-    struct.resolution = wp.vec3i(*tables.resolution.tolist())
-
-
-@cache
-def tables_on(precision: Precision, device: torch.device, dtype: torch.dtype) -> tuple[Any, Any]:
-    """The volume fractions of a plane solid, and the places of a map cell's nodes."""
-    places = torch.from_numpy(local_coordinates(CELL_NODES)).to(device, dtype)
-    table = torch.from_numpy(plane_fraction_table()).to(device, dtype)
-    return runtime.to_warp(table, precision.real), runtime.to_warp(places, precision.vec3)
+from surfsup.warp_runtime import precision_of
 
 
 class Frame:
@@ -93,25 +34,39 @@ class Frame:
         boundary: container, solid and gravity.
         capacity: neighbors of a particle for which there is room.
         keep: whether to keep what the backward pass reads.
-        substeps: number of them; their duration stays.
+        part: of a frame: its duration and number of substeps.
+        steps: of what moves, in each substep; None where nothing moves.
+        sums: to which the impulses on the solids are added; None where they are not requested.
     """
 
     def __init__(
-        self, like: Tensor, boundary: Boundary, capacity: int, keep: bool = False, substeps: int = SUBSTEPS
+        self,
+        like: Tensor,
+        boundary: Boundary,
+        capacity: int,
+        keep: bool = False,
+        part: FramePart = WHOLE_FRAME,
+        steps: tuple[Tensor, Tensor] | None = None,
+        sums: ImpulseSums | None = None,
     ) -> None:
         self.precision = precision_of(like.dtype)
-        self.boundary, self.keep, self.substep_count = boundary, keep, substeps
+        self.boundary, self.keep, self.substep_count = boundary, keep, part.substeps
+        real, vec3 = self.precision.real, self.precision.vec3
+        self.seconds, self.time = real(part.seconds), real(part.seconds / part.substeps)
         self.plane = int(boundary.solid == PLANE)
         self.count, self.dtype, self.torch_device = len(like), like.dtype, like.device
         self.device = runtime.to_warp(like, self.precision.vec3).device
-        self.gravity = boundary.gravity
+        self.gravity = vec3(*boundary.acceleration.tolist())
+        self.fallen = vec3(*(part.seconds * boundary.acceleration).tolist())
         self.solid = [self.vectors(), self.reals(), self.vectors()] if self.plane else [None, None, None]
         self.near_solid = wp.empty(self.count, dtype=int, device=self.device)
         self.rest_density = self.reals()
         self.delta_velocity, self.delta_position = self.vectors(), self.vectors()
         # Positions and velocities from substep to substep; without gradients two sets take turns.
-        self.motions = [[self.vectors(), self.vectors()] for _ in range(substeps + 1 if keep else 2)]
-        self.substeps = [Substep(self) for _ in range(substeps if keep else 1)]
+        self.motions = [[self.vectors(), self.vectors()] for _ in range(part.substeps + 1 if keep else 2)]
+        self.substeps = [Substep(self) for _ in range(part.substeps if keep else 1)]
+        self.sums = sums
+        self.moving = None if steps is None else MovingDensity(self, steps)
         self.search = NeighborSearch(self.count, capacity, self.precision, self.device)
         self.factors: Any = empty_table(self.count, capacity, self.precision.real, self.device)
 
@@ -140,6 +95,8 @@ class Frame:
         )
         self.delta_velocity.zero_()
         self.delta_position.zero_()
+        if self.moving is not None:
+            self.moving.work.zero_()
         for number in range(self.substep_count):
             self.run_substep(number)
         self.launch(
@@ -148,7 +105,7 @@ class Frame:
                 self.search.order,
                 predicted,
                 velocities,
-                self.boundary.fallen,
+                self.fallen,
                 self.delta_position,
                 self.delta_velocity,
             ],
@@ -162,15 +119,27 @@ class Frame:
         motion, following = self.motion(number), self.motion(number + 1)
         substep = self.substeps[number % len(self.substeps)]
         self.launch(boundary_kernel, [motion[0], *self.solid, *self.boundary.inputs], substep.boundary)
+        if self.moving is not None:
+            self.moving.add(motion[0], number, substep.boundary)
         self.launch(
             kernels.compute_pressures,
-            [*motion, *neighbors, *substep.boundary, self.near_solid, self.gravity, number],
+            [
+                *(*motion, *neighbors, *substep.boundary, self.near_solid, self.gravity, self.time, number),
+                *(None if self.moving is None else self.moving.approach, int(self.moving is not None)),
+            ],
             [self.rest_density, self.factors, *substep.results],
         )
         density, _, density_gradient, _, viscous, pressure = substep.results
+        if self.moving is not None:
+            self.moving.add_work(pressure)
+        if self.sums is not None:
+            add_pressure_impulses(self, self.sums, number, motion[0], pressure)
         self.launch(
             kernels.apply_pressures,
-            [*motion, *neighbors, self.factors, pressure, density, density_gradient, viscous, self.gravity, number],
+            [
+                *(*motion, *neighbors, self.factors, pressure, density, density_gradient, viscous),
+                *(self.gravity, self.time, number),
+            ],
             [self.delta_velocity, self.delta_position, *following],
         )
 
@@ -210,12 +179,14 @@ class Frame:
         return FrameRecord(*found)
 
     def backward(self, of_positions: Tensor, of_velocities: Tensor) -> tuple[Tensor | None, ...]:
-        """Derivatives in positions, velocities, distance and normal, from those in the frame's end."""
+        """Derivatives in positions, velocities, distance, normal and steps, from those in the frame's end."""
         kernels, transfer = adjoint_kernels(self.precision), transfer_kernels(self.precision)
         boundary_kernel = boundary_kernels(self.precision).evaluate_boundary
         vec3 = self.precision.vec3
         real, rest = self.precision.real, [self.near_solid, self.rest_density]
-        time = real(SUBSTEP_TIME)
+        time = self.time
+        if self.moving is not None:
+            self.moving.begin_adjoint()
         position_adjoint, change = self.vectors(), self.vectors()
         self.launch(
             transfer.sort_adjoints,
@@ -239,10 +210,16 @@ class Frame:
             pressure = substep.results[-1]
             self.launch(
                 kernels.pressure_adjoint,
-                [*motion, *neighbors, substep.boundary[1], *rest, *substep.results, self.gravity, number, change],
+                [
+                    *(*motion, *neighbors, substep.boundary[1], *rest, *substep.results),
+                    *(self.gravity, time, number, change),
+                ],
                 [rest_adjoint, *sums, of_boundary, of_boundary_gradient],
             )
             through_boundary = self.vectors(zero=True)
+            if self.moving is not None:
+                of_density = [of_boundary, of_boundary_gradient, of_approach]
+                self.moving.add_adjoint(motion[0], number, substep.boundary, of_density, through_boundary)
             wp.launch(
                 boundary_kernel,
                 self.count,
@@ -271,10 +248,10 @@ class Frame:
         ]
         self.launch(
             transfer.unsort_adjoints,
-            [self.search.order, position_adjoint, change, *solid_adjoint, self.plane, self.precision.real(FRAME_TIME)],
+            [self.search.order, position_adjoint, change, *solid_adjoint, self.plane, self.seconds],
             targets,
         )
-        return *found, *in_solid
+        return *found, *in_solid, *((None, None) if self.moving is None else self.moving.adjoints)
 
     def unsorted(self, components: int = 3) -> Tensor:
         """An uninitialized tensor (N, components), or (N,) for one, for values in the caller's order."""
@@ -352,6 +329,8 @@ class DifferentiableFrame(torch.autograd.Function):
         velocities: Tensor,
         distance: Tensor | None,
         normal: Tensor | None,
+        matrices: Tensor | None,
+        vectors: Tensor | None,
         predicted: Tensor,
     ) -> tuple[Tensor, Tensor]:
         """Positions and velocities (N, 3) at the frame's end, by an unused frame that keeps its substeps."""
@@ -363,6 +342,6 @@ class DifferentiableFrame(torch.autograd.Function):
     @staticmethod
     @once_differentiable
     def backward(ctx: Any, of_positions: Tensor, of_velocities: Tensor) -> tuple[Tensor | None, ...]:
-        """Derivatives in positions, velocities, distance and normal."""
+        """Derivatives in positions, velocities, distance, normal, matrices and vectors."""
         with runtime.on_stream(of_positions.device):
             return None, *ctx.frame.backward(of_positions, of_velocities), None

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cache
 
 import torch
 from torch import Tensor
 
 from surfsup import warp_runtime as runtime
+from surfsup.errors import InputError
 from surfsup.native.dispatch import needs_gradient
 from surfsup.sph import dfsph
 from surfsup.sph.clearance import LastQuery
@@ -15,18 +17,23 @@ from surfsup.sph.environment import Environment
 from surfsup.sph.kernel_sums import kernel_graph
 from surfsup.sph.kernels import KERNEL_SUPPORT
 from surfsup.sph.neighbor_search import find_neighbors
-from surfsup.sph.state import SUBSTEPS, ParticleState
+from surfsup.sph.state import SUBSTEP_TIME, WHOLE_FRAME, FramePart, ParticleState
+from surfsup.sph.warp_engine.boundary import Boundary, boundary_of
 from surfsup.sph.warp_engine.collision import Collisions, Contained, NearList, leave_solid, near_list
+from surfsup.sph.warp_engine.contacts import resolve_contacts
 from surfsup.sph.warp_engine.device_frame import DeviceFrame
-from surfsup.sph.warp_engine.energy import LimitedFrame
-from surfsup.sph.warp_engine.frame import Boundary, DifferentiableFrame, Frame, boundary_of
+from surfsup.sph.warp_engine.energy import EnergyLimiter, LimitedFrame
+from surfsup.sph.warp_engine.frame import DifferentiableFrame, Frame
+from surfsup.sph.warp_engine.impulses import ImpulseSums
 from surfsup.sph.warp_engine.kernels.adjoint import adjoint_kernels
 from surfsup.sph.warp_engine.kernels.boundary import PLANE, boundary_kernels
 from surfsup.sph.warp_engine.kernels.collision import collision_kernels
 from surfsup.sph.warp_engine.kernels.energy import energy_kernels
+from surfsup.sph.warp_engine.kernels.moving_boundary import moving_boundary_kernels
 from surfsup.sph.warp_engine.kernels.search import search_kernels
 from surfsup.sph.warp_engine.kernels.substeps import substep_kernels
 from surfsup.sph.warp_engine.kernels.transfer import transfer_kernels
+from surfsup.sph.warp_engine.moving_boundary import packed
 from surfsup.sph.warp_engine.neighbors import CAPACITY
 from surfsup.warp_runtime import precision_of
 
@@ -38,7 +45,9 @@ FACTORIES = (
     adjoint_kernels,
     energy_kernels,
     collision_kernels,
+    moving_boundary_kernels,
 )
+ONE_SUBSTEP = FramePart(SUBSTEP_TIME, 1)
 INDEX_BYTES = 4
 NUMBERS, GRADIENT_NUMBERS = 100, 260  # of a particle within a frame, without and with what its gradient reads
 
@@ -86,12 +95,16 @@ class WarpSolver:
         return WarpSolver, ()
 
     def step(
-        self, state: ParticleState, environment: Environment, handle_collisions: bool = True
+        self,
+        state: ParticleState,
+        environment: Environment,
+        handle_collisions: bool = True,
+        part: FramePart = WHOLE_FRAME,
     ) -> tuple[Tensor, Tensor, Tensor]:
-        """Positions (N, 3) in meters and velocities (N, 3) in m/s one frame later, and who (N,) collided.
+        """Positions (N, 3) in meters and velocities (N, 3) in m/s after a part of a frame, and who (N,) collided.
 
-        Differentiable in the state and, unless there is a boundary map, in the shape of the solid. The host waits for
-        the device once, at the end.
+        Differentiable in the state, in the poses of what moves and, unless there is a boundary map, in the shape of the
+        solid that stands still. The host waits for the device once, at the end.
 
         Raises:
             SimulationError: a position is not finite, or the particles have collapsed into a clump.
@@ -101,20 +114,24 @@ class WarpSolver:
         if count == 0:
             return state.positions, state.velocities, torch.zeros(0, dtype=torch.bool, device=device)
         with_gradient = needs_gradient(state.positions, state.velocities, module=environment.surface)
+        with_gradient = with_gradient or (environment.motion is not None and environment.motion.requires_grad)
         boundary = self._boundary(environment, state.positions, with_gradient)
         needed = bytes_per_particle(state.positions.dtype, with_gradient)
         with runtime.memory_errors(count, needed, device), runtime.on_stream(device):
             while True:
                 near = None
-                if handle_collisions and environment.surface is not None:
+                sums = None if environment.impulses is None else ImpulseSums(environment, state.positions)
+                if handle_collisions and environment.surface is not None and environment.motion is None:
                     near = near_list(state.positions, self.room.rows)
-                if boundary.solid == PLANE or with_gradient:
+                if boundary.solid == PLANE or with_gradient or sums is not None:
                     frame, result = self._step_by_operations(
-                        state, environment, boundary, near, handle_collisions, with_gradient
+                        state, environment, boundary, near, handle_collisions, with_gradient, part, sums
                     )
                 else:
-                    frame, result = self._step_by_graph(state, environment, boundary, near, handle_collisions)
+                    frame, result = self._step_by_graph(state, environment, boundary, near, handle_collisions, part)
                 if self.room.was_enough(frame, near):
+                    if sums is not None:
+                        sums.finish()
                     return result
 
     def _step_by_graph(
@@ -124,13 +141,17 @@ class WarpSolver:
         boundary: Boundary,
         near: NearList | None,
         handle_collisions: bool,
+        part: FramePart,
     ) -> tuple[Frame, tuple[Tensor, Tensor, Tensor]]:
         """A frame that is recorded, but for the query of the solid by torch."""
-        if self._device_frame is None or not self._device_frame.serves(state, boundary, self.room.neighbors):
+        capacity, steps = self.room.neighbors, steps_of(environment, state.positions, part)
+        if self._device_frame is None or not self._device_frame.serves(state, boundary, capacity, part):
             self._device_frame = None  # its memory first
-            self._device_frame = DeviceFrame(state, environment, boundary, self.room.neighbors)
+            self._device_frame = DeviceFrame(state, environment, boundary, capacity, part, steps)
         device_frame = self._device_frame
-        contained = device_frame.run(state, handle_collisions)
+        contained = device_frame.run(state, handle_collisions, environment.supplied_energy, steps)
+        if handle_collisions and environment.motion is not None:
+            return device_frame.frame, contact_result(state.positions, contained, environment)
         if near is None:
             return device_frame.frame, contained
         before, collisions = state.positions, device_frame.collisions
@@ -145,17 +166,26 @@ class WarpSolver:
         near: NearList | None,
         handle_collisions: bool,
         keep: bool,
+        part: FramePart,
+        sums: ImpulseSums | None,
     ) -> tuple[Frame, tuple[Tensor, Tensor, Tensor]]:
         """A frame of operations that torch differentiates."""
         values = [value.contiguous() for value in (state.positions, state.velocities)]
-        predicted, _ = state.ballistic(environment.gravity)
+        predicted, _ = state.ballistic(environment.gravity, part)
         distance, normal = environment.distance_and_normal(predicted) if boundary.solid == PLANE else (None, None)
-        frame = Frame(values[0], boundary, self.room.neighbors, keep=keep)
-        ends = DifferentiableFrame.apply(frame, *values, distance, normal, predicted.detach())
-        positions, velocities = LimitedFrame.apply(environment.on_host.gravity, *values, *ends)
+        steps = steps_of(environment, values[0], part)
+        frame = Frame(values[0], boundary, self.room.neighbors, keep, part, steps, sums)
+        ends = DifferentiableFrame.apply(frame, *values, distance, normal, *(steps or (None, None)), predicted.detach())
+        limiter = EnergyLimiter(frame.count, boundary.acceleration, frame.precision, frame.device, part)
+        limiter.allow(environment.supplied_energy)
+        if frame.moving is not None:
+            limiter.allow_work(frame.moving.work)
+        positions, velocities = LimitedFrame.apply(limiter, *values, *ends)
         if not handle_collisions:
             collided = torch.zeros(len(positions), dtype=torch.bool, device=positions.device)
             return frame, (positions, velocities, collided)
+        if environment.motion is not None or sums is not None:
+            return frame, contact_result(values[0], (positions, velocities), environment, sums)
         collisions = Collisions(environment, positions)
         contained = Contained.apply(collisions, positions, velocities)
         if near is None:
@@ -190,7 +220,7 @@ class WarpSolver:
             SimulationError: as :meth:`step`.
         """
         distance, normal = environment.distance_and_normal(state.positions)
-        return self._solve(state, environment, state.positions, distance, normal, substeps=1)[1]
+        return self._solve(state, environment, state.positions, distance, normal, ONE_SUBSTEP)[1]
 
     def _solve(
         self,
@@ -199,7 +229,7 @@ class WarpSolver:
         predicted: Tensor,
         distance: Tensor,
         normal: Tensor,
-        substeps: int = SUBSTEPS,
+        part: FramePart = WHOLE_FRAME,
     ) -> tuple[Frame, tuple[Tensor, Tensor]]:
         values = [value.contiguous() for value in (state.positions, state.velocities, distance, normal)]
         with_gradient = needs_gradient(*values)
@@ -207,8 +237,9 @@ class WarpSolver:
         needed = bytes_per_particle(values[0].dtype, with_gradient)
         with runtime.memory_errors(len(values[0]), needed, values[0].device), runtime.on_stream(values[0].device):
             while True:
-                frame = Frame(values[0], boundary, self.room.neighbors, keep=with_gradient, substeps=substeps)
-                ends = DifferentiableFrame.apply(frame, *values, predicted.detach())
+                steps = steps_of(environment, values[0], part)
+                frame = Frame(values[0], boundary, self.room.neighbors, with_gradient, part, steps)
+                ends = DifferentiableFrame.apply(frame, *values, *(steps or (None, None)), predicted.detach())
                 if self.room.was_enough(frame):
                     return frame, ends
 
@@ -245,12 +276,35 @@ class WarpSolver:
 
     def _boundary(self, environment: Environment, positions: Tensor, with_gradient: bool) -> Boundary:
         """The boundary of the environment for particles at ``positions``, with all kernels loaded."""
-        load_engine(positions.dtype, str(positions.device), with_gradient)
+        load_engine(positions.dtype, str(positions.device), with_gradient, environment.moving is not None)
         dtype, device = positions.dtype, positions.device
         scene = environment.base
         if self._last is None or self._last[0] is not scene or self._last[1:3] != (dtype, device):
             self._last = scene, dtype, device, boundary_of(environment, precision_of(dtype), positions)
         return self._last[3]
+
+
+def steps_of(environment: Environment, like: Tensor, part: FramePart) -> tuple[Tensor, Tensor] | None:
+    """The motion in the substeps of a part of a frame as kernels read it; None where nothing moves.
+
+    Raises:
+        InputError: something moves, but the environment does not say how.
+    """
+    if environment.moving is None:
+        return None
+    if environment.motion is None:
+        raise InputError(
+            "the scene has solids that move, which this use of the solver does not know; omit their motion"
+        )
+    return packed(environment.motion.places(part.substeps).steps(), like)
+
+
+def contact_result(
+    before: Tensor, state: Sequence[Tensor], environment: Environment, sums: ImpulseSums | None = None
+) -> tuple[Tensor, Tensor, Tensor]:
+    """Positions and velocities (N, 3) of a ``state`` after collisions, and who (N,) was moved."""
+    result = resolve_contacts(before, state[0], state[1], environment, sums)
+    return result.positions, result.velocities, result.collided
 
 
 def bytes_per_particle(dtype: torch.dtype, with_gradient: bool) -> int:
@@ -259,7 +313,7 @@ def bytes_per_particle(dtype: torch.dtype, with_gradient: bool) -> int:
 
 
 @cache
-def load_engine(dtype: torch.dtype, device: str, with_gradient: bool) -> None:
+def load_engine(dtype: torch.dtype, device: str, with_gradient: bool, moves: bool) -> None:
     """Compile the kernels for a precision and a device, or read them from Warp's cache.
 
     Raises:
@@ -267,5 +321,6 @@ def load_engine(dtype: torch.dtype, device: str, with_gradient: bool) -> None:
     """
     runtime.start(device)
     precision = precision_of(dtype)
-    factories = [factory for factory in FACTORIES if with_gradient or factory is not adjoint_kernels]
+    unused = {adjoint_kernels: not with_gradient, moving_boundary_kernels: not moves}
+    factories = [factory for factory in FACTORIES if not unused.get(factory)]
     runtime.load_kernels((kernel for factory in factories for kernel in factory(precision).kernels), device)

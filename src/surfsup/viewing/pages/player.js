@@ -59,11 +59,13 @@ float sunlit(vec3 p) {
   return s / 25.0;
 }
 `;
+const LIQUIDS = header.liquids.length;
 const PARTICLE = `
-layout(location = 0) in vec2 corner; layout(location = 1) in vec3 previous; layout(location = 2) in vec3 next;
+layout(location = 0) in vec2 corner; layout(location = 1) in vec3 previous; layout(location = 2) in vec3 next; layout(location = 3) in uint liquid;
 uniform float blend, radius, frameTime; uniform vec3 low, extent; uniform mat4 view, projection;
-out vec2 disc; out vec3 center; out float speed;
+out vec2 disc; out vec3 center; out float speed; flat out uint kind;
 void main() {
+  kind = liquid;
   vec3 a = low + previous * extent, b = low + next * extent;
   center = (view * vec4(mix(a, b, blend), 1.0)).xyz;
   speed = length(b - a) / frameTime;
@@ -138,10 +140,15 @@ const SOURCES = {
       vec2 s = texelFetch(sums, ivec2(gl_FragCoord.xy), 0).rg;
       depth = s.g < 0.1 ? 1e4 : texelFetch(front, ivec2(gl_FragCoord.xy), 0).r + s.r / s.g * radius;
     }`],
-  thickness: [PARTICLE, `in vec2 disc; uniform float radius; out float thickness;
-    // A disc of radius 1.9 r and this height has the particle's volume, (2 r)^3.
-    void main() { float r2 = dot(disc, disc); if (r2 > 1.0) discard; thickness = 0.74 * radius * (1.0 - r2); }`],
-  compose: [SCREEN, `in vec2 uv; uniform sampler2D scene, sceneDepth, waterDepth, waterThickness; uniform mat4 view; uniform vec2 lens, range; uniform float lift; uniform vec3 absorption, scattering; out vec4 color;
+  thickness: [PARTICLE, `in vec2 disc; flat in uint kind; uniform float radius; uniform vec3 absorptions[${LIQUIDS}], scatterings[${LIQUIDS}];
+    layout(location = 0) out vec4 absorption; layout(location = 1) out vec4 scattering;
+    // A disc of radius 1.9 r and this height has the particle's volume, (2 r)^3. Both are sums over the liquids along a ray.
+    void main() {
+      float r2 = dot(disc, disc); if (r2 > 1.0) discard;
+      float thickness = 0.74 * radius * (1.0 - r2);
+      absorption = vec4(thickness * absorptions[kind], thickness); scattering = vec4(thickness * scatterings[kind], 1.0);
+    }`],
+  compose: [SCREEN, `in vec2 uv; uniform sampler2D scene, sceneDepth, waterDepth, absorbed, scattered; uniform mat4 view; uniform vec2 lens, range; uniform float lift; out vec4 color;
     float meters(float z) { return range.x * range.y / (range.y - z * (range.y - range.x)); }
     vec3 position(vec2 q, float d) { return vec3((q * 2.0 - 1.0 - vec2(0.0, lift)) * lens * d, -d); }
     float depthAt(vec2 q) { return texture(waterDepth, q).r; }
@@ -154,7 +161,9 @@ const SOURCES = {
       vec3 u = position(uv + vec2(0, px.y), depthAt(uv + vec2(0, px.y))) - p, b = p - position(uv - vec2(0, px.y), depthAt(uv - vec2(0, px.y)));
       vec3 n = normalize(cross(abs(r.z) < abs(l.z) ? r : l, abs(u.z) < abs(b.z) ? u : b));
       vec3 v = normalize(-p); float cosine = clamp(dot(n, v), 0.02, 1.0);
-      float thickness = min(texture(waterThickness, uv).r, max(solid - d, 0.0) + 0.02);
+      vec4 sums = texture(absorbed, uv); float all = max(sums.a, 1e-6);
+      vec3 absorption = sums.rgb / all, scattering = texture(scattered, uv).rgb / all;  // as in mixed_look of the video
+      float thickness = min(sums.a, max(solid - d, 0.0) + 0.02);
       vec2 shifted = uv - n.xy * clamp(thickness, 0.01, 0.12) * 0.25 / (lens * 2.0 * d);
       if (meters(texture(sceneDepth, shifted).r) < d) shifted = uv;
       vec3 refracted = linear(texture(scene, shifted).rgb);
@@ -212,10 +221,11 @@ async function unpack() {
   const take = (ArrayType, count) => { const a = new ArrayType(buffer, offset, count); offset += a.byteLength; return a; };
   const solids = [header, ...header.moving].map((s) => ({ faces: take(Uint32Array, s.faces * 3), vertices: take(Float32Array, s.vertices * 3), normals: take(Float32Array, s.vertices * 3) }));
   const poses = Array.from({ length: header.moving.length + header.containerMoves }, () => take(Float32Array, header.frames * 7));
+  const liquids = take(Uint16Array, header.particles);
   const positions = take(Uint16Array, header.frames * header.particles * 3);
   const step = header.particles * 3;  // stored as differences from the previous frame, modulo 2^16
   for (let i = step; i < positions.length; i++) positions[i] = positions[i] + positions[i - step];
-  return { solids, poses, positions };
+  return { solids, poses, liquids, positions };
 }
 
 function main(data) {
@@ -251,8 +261,10 @@ function main(data) {
     gl.enableVertexAttribArray(i + 1); gl.vertexAttribPointer(i + 1, 3, gl.UNSIGNED_SHORT, true, 0, 0); gl.vertexAttribDivisor(i + 1, 1);
   });
 
+  upload(gl.ARRAY_BUFFER, data.liquids); gl.enableVertexAttribArray(3); gl.vertexAttribIPointer(3, 1, gl.UNSIGNED_SHORT, 0, 0); gl.vertexAttribDivisor(3, 1);
+
   // ---- framebuffers
-  const target = (w, h, inner, format, type, filter, depthTexture) => {
+  const target = (w, h, inner, format, type, filter, depthTexture, second) => {
     const texture = (i, f, t, flt) => {
       const x = gl.createTexture(); gl.bindTexture(gl.TEXTURE_2D, x); gl.texImage2D(gl.TEXTURE_2D, 0, i, w, h, 0, f, t, null);
       for (const p of [gl.TEXTURE_MIN_FILTER, gl.TEXTURE_MAG_FILTER]) gl.texParameteri(gl.TEXTURE_2D, p, flt);
@@ -262,6 +274,7 @@ function main(data) {
     const frame = gl.createFramebuffer(); gl.bindFramebuffer(gl.FRAMEBUFFER, frame);
     const out = { frame, w, h };
     if (inner) { out.color = texture(inner, format, type, filter); gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.TEXTURE_2D, out.color, 0); }
+    if (second) { out.second = texture(inner, format, type, filter); gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT1, gl.TEXTURE_2D, out.second, 0); gl.drawBuffers([gl.COLOR_ATTACHMENT0, gl.COLOR_ATTACHMENT1]); }
     if (depthTexture) { out.depth = texture(gl.DEPTH_COMPONENT24, gl.DEPTH_COMPONENT, gl.UNSIGNED_INT, gl.NEAREST); gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.DEPTH_ATTACHMENT, gl.TEXTURE_2D, out.depth, 0); }
     return out;
   };
@@ -273,14 +286,14 @@ function main(data) {
   function resize() {
     const ratio = Math.min(window.devicePixelRatio || 1, 2), w = Math.max(2, Math.round(canvas.clientWidth * ratio)), h = Math.max(2, Math.round(canvas.clientHeight * ratio));
     if (targets && canvas.width === w && canvas.height === h) return;
-    if (targets) for (const t of Object.values(targets)) { gl.deleteFramebuffer(t.frame); gl.deleteTexture(t.color); if (t.depth) gl.deleteTexture(t.depth); }
+    if (targets) for (const t of Object.values(targets)) { gl.deleteFramebuffer(t.frame); gl.deleteTexture(t.color); if (t.second) gl.deleteTexture(t.second); if (t.depth) gl.deleteTexture(t.depth); }
     canvas.width = w; canvas.height = h;
     targets = { scene: target(w, h, gl.RGBA8, gl.RGBA, gl.UNSIGNED_BYTE, gl.LINEAR, true), picture: target(w, h, gl.RGBA8, gl.RGBA, gl.UNSIGNED_BYTE, gl.LINEAR, false) };
     if (hasWater) {
       targets.front = target(w, h, gl.R32F, gl.RED, gl.FLOAT, gl.NEAREST, true);
       targets.sums = target(w, h, gl.RGBA16F, gl.RGBA, gl.HALF_FLOAT, gl.NEAREST, false);
       targets.waterDepth = target(w, h, gl.R32F, gl.RED, gl.FLOAT, gl.NEAREST, false);
-      targets.thickness = target(w >> 1, h >> 1, gl.R16F, gl.RED, gl.HALF_FLOAT, gl.LINEAR, false);
+      targets.thickness = target(w >> 1, h >> 1, gl.RGBA16F, gl.RGBA, gl.HALF_FLOAT, gl.LINEAR, false, true);
     }
   }
 
@@ -319,6 +332,7 @@ function main(data) {
   const LIFT = 0.09;  // upward shift of the picture, in half heights, to clear the play bar
   const sun = unit([-0.45, -0.42, 0.79]), reach = 0.75 * Math.hypot(cx, cy) + 0.35, mid = [0, 0, 0.45];
   const sunView = lookAt(mid.map((m, i) => m + sun[i] * 6), mid, [0, 0, 1]), sunProjection = orthographic(reach, 1, 12), sunMatrix = multiply(sunProjection, sunView);
+  const [absorptions, scatterings] = ["absorption", "scattering"].map((key) => header.liquids.flatMap((liquid) => liquid[key]));
   let shown = -1;
 
   function draw(time) {
@@ -364,14 +378,14 @@ function main(data) {
     use("gather", softSphere, { front: targets.front.color }); drawParticles();
     gl.disable(gl.BLEND); bindTarget(targets.waterDepth);
     use("surface", softSphere, { front: targets.front.color, sums: targets.sums.color }); drawScreen();
-    bindTarget(targets.thickness); gl.clearBufferfv(gl.COLOR, 0, [0, 0, 0, 0]);
+    bindTarget(targets.thickness); for (const k of [0, 1]) gl.clearBufferfv(gl.COLOR, k, [0, 0, 0, 0]);
     gl.enable(gl.BLEND); gl.blendFunc(gl.ONE, gl.ONE);
-    use("thickness", { ...values, radius: header.radius * 1.9 }); drawParticles();
+    use("thickness", { ...values, radius: header.radius * 1.9, "absorptions[0]": absorptions, "scatterings[0]": scatterings }); drawParticles();
     gl.disable(gl.BLEND);
     const lensY = Math.tan(fov / 2);
     bindTarget(targets.picture);
-    use("compose", { view, absorption: header.absorption, scattering: header.scattering, lift: LIFT, lens: [lensY * aspect, lensY], range: [near, far] },
-      { scene: targets.scene.color, sceneDepth: targets.scene.depth, waterDepth: targets.waterDepth.color, waterThickness: targets.thickness.color });
+    use("compose", { view, lift: LIFT, lens: [lensY * aspect, lensY], range: [near, far] },
+      { scene: targets.scene.color, sceneDepth: targets.scene.depth, waterDepth: targets.waterDepth.color, absorbed: targets.thickness.color, scattered: targets.thickness.second });
     drawScreen();
     finish(targets.picture);
   }

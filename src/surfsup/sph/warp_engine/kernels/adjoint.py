@@ -11,7 +11,6 @@ import warp as wp
 
 from surfsup.sph import dfsph
 from surfsup.sph.kernels import KERNEL_SUPPORT
-from surfsup.sph.state import SUBSTEP_TIME
 from surfsup.sph.warp_engine.kernels.substeps import substep_kernels
 from surfsup.warp_runtime import Precision
 
@@ -21,7 +20,7 @@ def adjoint_kernels(precision: Precision) -> SimpleNamespace:
     """The kernels of a substep's backward pass in a precision."""
     real, vec3 = precision.real, precision.vec3
     module = f"surfsup.adjoint.{precision.name}"
-    time, scale = real(SUBSTEP_TIME), real(dfsph.GRADIENT_SCALE)
+    scale = real(dfsph.GRADIENT_SCALE)
     shrink = real(1.0 / KERNEL_SUPPORT)
     one, zero, half, two, three, nine = real(1.0), real(0.0), real(0.5), real(2.0), real(3.0), real(9.0)
     self_density, softening = real(dfsph.SELF_DENSITY), real(dfsph.VISCOSITY_SOFTENING)
@@ -54,6 +53,7 @@ def adjoint_kernels(precision: Precision) -> SimpleNamespace:
         viscous: wp.array(dtype=vec3),
         pressure: wp.array(dtype=real),
         gravity: vec3,
+        time: real,
         number: int,
         change: wp.array(dtype=vec3),
         rest_adjoint: wp.array(dtype=real),

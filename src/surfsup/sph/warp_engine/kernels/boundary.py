@@ -30,7 +30,7 @@ ENTRIES = len(plane_fraction_table())
 def boundary_kernels(precision: Precision) -> SimpleNamespace:
     """The kernel that evaluates the boundary density, and the struct of a volume map, in a precision."""
     real, vec3, mat33 = precision.real, precision.vec3, precision.mat33
-    vec5 = wp.types.vector(5, real)
+    vec4, vec5 = wp.types.vector(4, real), wp.types.vector(5, real)
     module = f"surfsup.boundary.{precision.name}"
     support, one, zero = real(KERNEL_SUPPORT), real(1.0), real(0.0)
     offset, min_distance, strength = real(DISTANCE_OFFSET), real(MIN_DISTANCE), real(STRENGTH)
@@ -232,6 +232,33 @@ def boundary_kernels(precision: Precision) -> SimpleNamespace:
                 of_local += nodes[stored, k] * node_hessian_times(places[k], local, along)
             wp.adjoint[position] += volume_map.rotation * (two * wp.cw_div(of_local, volume_map.cell))
 
+    @wp.func
+    def walls(position: vec3, lower: vec3, upper: vec3, wall_cell: vec3, table: wp.array(dtype=real)) -> vec4:
+        """Density of the container's walls, and its gradient (3), 1/m."""
+        density, gradient = real(0.0), vec3()
+        below, above = position - lower, upper - position
+        nearest = wp.min(below, above)
+        if nearest[0] < wall_cell[0] or nearest[1] < wall_cell[1] or nearest[2] < wall_cell[2]:
+            x = wp.min(wp.max(nearest[0], min_wall_distance) / wall_cell[0], one)
+            y = wp.min(wp.max(nearest[1], min_wall_distance) / wall_cell[1], one)
+            z = wp.min(wp.max(nearest[2], min_wall_distance) / wall_cell[2], one)
+            open_part = (one - x) + (one - y) + (one - z)
+            side = ((one - x) * wall_cell[0] + (one - y) * wall_cell[1] + (one - z) * wall_cell[2]) / open_part
+            rounded_distance = x * y * z * side
+            towards = vec3(
+                wall_steepness(x, wall_cell[0], below[0], above[0]),
+                wall_steepness(y, wall_cell[1], below[1], above[1]),
+                wall_steepness(z, wall_cell[2], below[2], above[2]),
+            )
+            free = (
+                (one - plane_fraction(nearest[0], table))
+                * (one - plane_fraction(nearest[1], table))
+                * (one - plane_fraction(nearest[2], table))
+            )
+            density = solid_density(rounded_distance, one - free)
+            gradient = solid_slope(rounded_distance, one - free) * wp.normalize(towards)
+        return vec4(density, gradient[0], gradient[1], gradient[2])
+
     @wp.kernel(module=module)
     def evaluate_boundary(
         positions: wp.array(dtype=vec3),
@@ -254,27 +281,9 @@ def boundary_kernels(precision: Precision) -> SimpleNamespace:
         position = positions[i]
         total, slopes = real(0.0), vec3()
 
-        below, above = position - lower, upper - position
-        nearest = wp.min(below, above)
-        if nearest[0] < wall_cell[0] or nearest[1] < wall_cell[1] or nearest[2] < wall_cell[2]:
-            x = wp.min(wp.max(nearest[0], min_wall_distance) / wall_cell[0], one)
-            y = wp.min(wp.max(nearest[1], min_wall_distance) / wall_cell[1], one)
-            z = wp.min(wp.max(nearest[2], min_wall_distance) / wall_cell[2], one)
-            open_part = (one - x) + (one - y) + (one - z)
-            side = ((one - x) * wall_cell[0] + (one - y) * wall_cell[1] + (one - z) * wall_cell[2]) / open_part
-            rounded_distance = x * y * z * side
-            towards = vec3(
-                wall_steepness(x, wall_cell[0], below[0], above[0]),
-                wall_steepness(y, wall_cell[1], below[1], above[1]),
-                wall_steepness(z, wall_cell[2], below[2], above[2]),
-            )
-            free = (
-                (one - plane_fraction(nearest[0], table))
-                * (one - plane_fraction(nearest[1], table))
-                * (one - plane_fraction(nearest[2], table))
-            )
-            total += solid_density(rounded_distance, one - free)
-            slopes += solid_slope(rounded_distance, one - free) * wp.normalize(towards)
+        wall = walls(position, lower, upper, wall_cell, table)
+        total += wall[0]
+        slopes += vec3(wall[1], wall[2], wall[3])
 
         if solid == 1:
             # Without a map the solid is a plane through its nearest point, as seen from the predicted position.
@@ -299,4 +308,8 @@ def boundary_kernels(precision: Precision) -> SimpleNamespace:
         kernels=[evaluate_boundary],
         evaluate_boundary=evaluate_boundary,
         Map=Map,
+        walls=walls,
+        interpolate=interpolate,
+        solid_density=solid_density,
+        solid_slope=solid_slope,
     )

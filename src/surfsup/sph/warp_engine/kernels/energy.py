@@ -10,8 +10,7 @@ from types import SimpleNamespace
 
 import warp as wp
 
-from surfsup.scene import FRAME_TIME
-from surfsup.sph.energy_bound import HALVINGS, MAX_DELTA_VELOCITY, MAX_ENERGY_GAIN
+from surfsup.sph.energy_bound import HALVINGS, MAX_DELTA_VELOCITY
 from surfsup.warp_runtime import Precision
 
 FOLD = 64  # partial sums that one thread adds up
@@ -22,8 +21,7 @@ def energy_kernels(precision: Precision) -> SimpleNamespace:
     """The kernels of the energy limiter in a precision."""
     real, vec3 = precision.real, precision.vec3
     module = f"surfsup.energy.{precision.name}"
-    frame_time, half, one, tiny = real(FRAME_TIME), real(0.5), real(1.0), real(1e-9)
-    max_gain, max_delta = wp.constant(wp.float64(MAX_ENERGY_GAIN)), real(MAX_DELTA_VELOCITY)
+    half, one, tiny, max_delta = real(0.5), real(1.0), real(1e-9), real(MAX_DELTA_VELOCITY)
     halvings, fold = wp.constant(HALVINGS), wp.constant(FOLD)
     ballistic_choice = wp.constant(HALVINGS + 1)
 
@@ -67,6 +65,7 @@ def energy_kernels(precision: Precision) -> SimpleNamespace:
         old_velocities: wp.array(dtype=vec3),
         positions: wp.array(dtype=vec3),
         velocities: wp.array(dtype=vec3),
+        seconds: real,
         gravity: vec3,
         fall: vec3,
         choice: wp.array(dtype=int),
@@ -77,8 +76,8 @@ def energy_kernels(precision: Precision) -> SimpleNamespace:
         if choice[0] > 0:
             total = wp.float64(0.0)
             for i in range(part, positions.shape[0], sums.shape[1]):
-                predicted = old_positions[i] + frame_time * old_velocities[i] + fall
-                falling = old_velocities[i] + frame_time * gravity
+                predicted = old_positions[i] + seconds * old_velocities[i] + fall
+                falling = old_velocities[i] + seconds * gravity
                 delta_velocity, delta_position = velocities[i] - falling, positions[i] - predicted
                 fraction = kept_fraction(delta_velocity, halving + 1)
                 position, velocity = predicted + fraction * delta_position, falling + fraction * delta_velocity
@@ -96,17 +95,44 @@ def energy_kernels(precision: Precision) -> SimpleNamespace:
         folded[row, part] = total
 
     @wp.kernel(module=module, enable_backward=False)
-    def choose_whether_to_limit(folded: wp.array2d(dtype=wp.float64), count: int, choice: wp.array(dtype=int)):
+    def sum_work(work: wp.array(dtype=real), sums: wp.array2d(dtype=wp.float64)):
+        """What moving solids did to the particles, in parts."""
+        part = wp.tid()
+        total = wp.float64(0.0)
+        for i in range(part, work.shape[0], sums.shape[1]):
+            total += wp.float64(work[i])
+        sums[0, part] = total
+
+    @wp.kernel(module=module, enable_backward=False)
+    def allow_work(folded: wp.array2d(dtype=wp.float64), count: int, max_gain: wp.array(dtype=wp.float64)):
+        """Add the mean work to the largest gain."""
+        total = wp.float64(0.0)
+        for k in range(fold):
+            total += folded[0, k]
+        max_gain[0] = max_gain[0] + total / wp.float64(count)
+
+    @wp.kernel(module=module, enable_backward=False)
+    def choose_whether_to_limit(
+        folded: wp.array2d(dtype=wp.float64),
+        count: int,
+        max_gain: wp.array(dtype=wp.float64),
+        choice: wp.array(dtype=int),
+    ):
         total = wp.float64(0.0)
         for k in range(fold):
             total += folded[0, k]
         chosen = int(0)
-        if total / wp.float64(count) > max_gain:
+        if total / wp.float64(count) > max_gain[0]:
             chosen = 1
         choice[0] = chosen
 
     @wp.kernel(module=module, enable_backward=False)
-    def choose_bound(folded: wp.array2d(dtype=wp.float64), count: int, choice: wp.array(dtype=int)):
+    def choose_bound(
+        folded: wp.array2d(dtype=wp.float64),
+        count: int,
+        max_gain: wp.array(dtype=wp.float64),
+        choice: wp.array(dtype=int),
+    ):
         if choice[0] > 0:
             chosen = int(ballistic_choice)
             for above in range(halvings):
@@ -114,7 +140,7 @@ def energy_kernels(precision: Precision) -> SimpleNamespace:
                 total = wp.float64(0.0)
                 for k in range(fold):
                     total += folded[halving, k]
-                if total / wp.float64(count) <= max_gain:
+                if total / wp.float64(count) <= max_gain[0]:
                     chosen = halving + 1
             choice[0] = chosen
 
@@ -124,6 +150,7 @@ def energy_kernels(precision: Precision) -> SimpleNamespace:
         old_velocities: wp.array(dtype=vec3),
         positions: wp.array(dtype=vec3),
         velocities: wp.array(dtype=vec3),
+        seconds: real,
         gravity: vec3,
         fall: vec3,
         choice: wp.array(dtype=int),
@@ -136,8 +163,8 @@ def energy_kernels(precision: Precision) -> SimpleNamespace:
             new_positions[i] = positions[i]
             new_velocities[i] = velocities[i]
         else:
-            predicted = old_positions[i] + frame_time * old_velocities[i] + fall
-            falling = old_velocities[i] + frame_time * gravity
+            predicted = old_positions[i] + seconds * old_velocities[i] + fall
+            falling = old_velocities[i] + seconds * gravity
             delta_velocity, delta_position = velocities[i] - falling, positions[i] - predicted
             fraction = real(0.0)
             if chosen <= halvings:
@@ -151,6 +178,7 @@ def energy_kernels(precision: Precision) -> SimpleNamespace:
         old_velocities: wp.array(dtype=vec3),
         positions: wp.array(dtype=vec3),
         velocities: wp.array(dtype=vec3),
+        seconds: real,
         gravity: vec3,
         fall: vec3,
         choice: wp.array(dtype=int),
@@ -170,8 +198,8 @@ def energy_kernels(precision: Precision) -> SimpleNamespace:
             in_position = in_position + of_position
             in_velocity = in_velocity + of_velocity
         elif chosen <= halvings:
-            predicted = old_positions[i] + frame_time * old_velocities[i] + fall
-            falling = old_velocities[i] + frame_time * gravity
+            predicted = old_positions[i] + seconds * old_velocities[i] + fall
+            falling = old_velocities[i] + seconds * gravity
             delta_velocity, delta_position = velocities[i] - falling, positions[i] - predicted
             fraction = kept_fraction(delta_velocity, chosen)
             in_position = fraction * of_position
@@ -183,10 +211,12 @@ def energy_kernels(precision: Precision) -> SimpleNamespace:
         in_velocities[i] = in_velocity
         in_predicted = of_position - in_position
         in_old_positions[i] = in_predicted
-        in_old_velocities[i] = frame_time * in_predicted + of_velocity - in_velocity
+        in_old_velocities[i] = seconds * in_predicted + of_velocity - in_velocity
 
     return SimpleNamespace(
         kernels=[
+            sum_work,
+            allow_work,
             sum_gains,
             sum_limited_gains,
             fold_sums,
@@ -195,6 +225,8 @@ def energy_kernels(precision: Precision) -> SimpleNamespace:
             apply_bound,
             bound_adjoint,
         ],
+        sum_work=sum_work,
+        allow_work=allow_work,
         sum_gains=sum_gains,
         sum_limited_gains=sum_limited_gains,
         fold_sums=fold_sums,

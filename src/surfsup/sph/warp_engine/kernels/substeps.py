@@ -7,7 +7,6 @@ import warp as wp
 
 from surfsup.sph import dfsph
 from surfsup.sph.kernels import KERNEL_SUPPORT
-from surfsup.sph.state import SUBSTEP_TIME
 from surfsup.warp_runtime import Precision
 
 
@@ -16,7 +15,7 @@ def substep_kernels(precision: Precision) -> SimpleNamespace:
     """The kernels of a substep in a precision."""
     real, vec3 = precision.real, precision.vec3
     module = f"surfsup.substeps.{precision.name}"
-    time, scale = real(SUBSTEP_TIME), real(dfsph.GRADIENT_SCALE)
+    scale = real(dfsph.GRADIENT_SCALE)
     shrink = real(1.0 / KERNEL_SUPPORT)
     one, zero, half, two, three = real(1.0), real(0.0), real(0.5), real(2.0), real(3.0)
     six, eight, nine = real(6.0), real(8.0), real(9.0)
@@ -49,7 +48,10 @@ def substep_kernels(precision: Precision) -> SimpleNamespace:
         boundary_gradient: wp.array(dtype=vec3),
         near_solid: wp.array(dtype=int),
         gravity: vec3,
+        time: real,
         number: int,
+        solid_approach: wp.array(dtype=real),
+        moving: int,
         rest_density: wp.array(dtype=real),
         factors: wp.array2d(dtype=real),
         density: wp.array(dtype=real),
@@ -77,6 +79,8 @@ def substep_kernels(precision: Precision) -> SimpleNamespace:
             approach += rate
             friction += rate / (squared + softening) * r
 
+        if moving == 1:
+            approach += solid_approach[i]
         own_boundary = boundary_gradient[i]
         fluid_density = self_density * (one + value) + boundary[i]
         whole_gradient = scale * gradient + own_boundary
@@ -118,6 +122,7 @@ def substep_kernels(precision: Precision) -> SimpleNamespace:
         density_gradient: wp.array(dtype=vec3),
         viscous: wp.array(dtype=vec3),
         gravity: vec3,
+        time: real,
         number: int,
         delta_velocity: wp.array(dtype=vec3),
         delta_position: wp.array(dtype=vec3),

@@ -5,7 +5,6 @@ from types import SimpleNamespace
 
 import warp as wp
 
-from surfsup.scene import FRAME_TIME
 from surfsup.sph.kernels import KERNEL_SUPPORT
 from surfsup.warp_runtime import Precision
 
@@ -15,18 +14,19 @@ def transfer_kernels(precision: Precision) -> SimpleNamespace:
     """The kernels that sort particles by cell and return them to the caller's order."""
     real, vec3 = precision.real, precision.vec3
     module = f"surfsup.transfer.{precision.name}"
-    support, frame_time = real(KERNEL_SUPPORT), real(FRAME_TIME)
+    support = real(KERNEL_SUPPORT)
 
     @wp.kernel(module=module, enable_backward=False)
     def predict_particles(
         positions: wp.array(dtype=vec3),
         velocities: wp.array(dtype=vec3),
+        seconds: real,
         fall: vec3,
         predicted: wp.array(dtype=vec3),
     ):
-        """Ballistic motion over a frame."""
+        """Ballistic motion over a frame or a part of one."""
         i = wp.tid()
-        predicted[i] = positions[i] + frame_time * velocities[i] + fall
+        predicted[i] = positions[i] + seconds * velocities[i] + fall
 
     @wp.kernel(module=module, enable_backward=False)
     def sort_particles(

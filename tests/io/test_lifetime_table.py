@@ -6,7 +6,9 @@ import pytest
 
 from surfsup.errors import InputError
 from surfsup.io.cut_off import open_readable
-from surfsup.io.trajectory import FRAMES_PER_FLUSH, LIFETIMES, Provenance, Trajectory, TrajectoryWriter
+from surfsup.io.trajectory import Trajectory
+from surfsup.io.trajectory_format import LIFETIMES, Provenance
+from surfsup.io.trajectory_writer import FRAMES_PER_FLUSH, TrajectoryWriter
 from surfsup.scene import Scene
 from surfsup.scene.particle_file import read_particles
 
