@@ -4,7 +4,7 @@
 
 Without a GPU a browser draws on the processor, and measures itself. This client speaks viser's own protocol in a
 process of its own, unpacks every message, and counts the pictures in them: particles with their colors, or a surface.
-So what is left is the server: simulated seconds and pictures a second, and its processor time. Other work on the
+The remainder is the server: simulated seconds and pictures a second, and its processor time. Other work on the
 machine slows both down; the processor time of a picture and of a step, which it changes little, says what an idle
 core would reach.
 
