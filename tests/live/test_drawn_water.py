@@ -1,6 +1,8 @@
 """The water of a page, as viser sends it."""
 
 import socket
+import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -24,6 +26,26 @@ def server():
     server.stop()
 
 
+def show_surfaces(drawn, frame):
+    """Show the surfaces of a frame and wait until they are there."""
+    drawn.show(frame, SURFACE, 0.015)
+    end = time.monotonic() + 60
+    while not drawn.is_up_to_date:
+        assert time.monotonic() < end
+        time.sleep(0.01)
+        drawn.update()
+
+
+def test_while_a_surface_is_made_only_the_newest_frame_waits(server):
+    scene = Scene.from_yaml("fluid: [{block: {min: [-0.1, -0.1, 0.1], max: [0.1, 0.1, 0.3]}}]", "test")
+    drawn, frame = DrawnWater(server, scene), Simulation(scene).frame
+    places = [replace(frame, positions=frame.positions + np.float32([x, 0, 0])) for x in range(5)]
+    for moved in places:
+        drawn.show(moved, SURFACE, 0.015)
+    show_surfaces(drawn, places[-1])
+    assert drawn._shapes["surface-0"].vertices[:, 0].mean() == pytest.approx(4, abs=0.02)
+
+
 def test_each_liquid_has_its_color_as_particles_and_a_surface_of_its_own(server):
     scene = Scene.from_yaml(
         "fluid:\n- block: {min: [-0.3, -0.1, 0.1], max: [-0.1, 0.1, 0.3]}\n"
@@ -36,7 +58,7 @@ def test_each_liquid_has_its_color_as_particles_and_a_surface_of_its_own(server)
     water, oil = (colors[frame.liquids == number] for number in (0, 1))
     assert (water[:, 2] > water[:, 0]).all() and (oil[:, 0] > oil[:, 2]).all()
 
-    drawn.show(frame, SURFACE, 0.015)
+    show_surfaces(drawn, frame)
     assert sorted(drawn._shapes) == ["surface-0", "surface-1"]
     assert [drawn._shapes[f"surface-{number}"].color for number in (0, 1)] == [
         WATER_COLOR,
@@ -51,9 +73,10 @@ def test_each_liquid_has_its_color_as_particles_and_a_surface_of_its_own(server)
 def test_a_surface_leaves_with_the_last_particle_of_its_liquid(server):
     scene = Scene.from_yaml("fluid: [{block: {min: [-0.1, -0.1, 0.1], max: [0.1, 0.1, 0.3]}}]", "test")
     drawn, frame = DrawnWater(server, scene), Simulation(scene).frame
-    drawn.show(frame, SURFACE, 0.015)
+    show_surfaces(drawn, frame)
+    assert drawn._shapes
     nothing = np.zeros((0, 3), np.float32)
-    drawn.show(type(frame)(frame.time, nothing, nothing), SURFACE, 0.015)
+    show_surfaces(drawn, type(frame)(frame.time, nothing, nothing))
     assert not drawn._shapes
 
 
