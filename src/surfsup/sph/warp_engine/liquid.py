@@ -14,8 +14,7 @@ from torch import Tensor
 
 from surfsup import warp_runtime as runtime
 from surfsup.sph import dfsph
-from surfsup.sph.boundary.density import DISTANCE_OFFSET, MIN_DISTANCE, STRENGTH, solid_density
-from surfsup.sph.kernels import KERNEL_SUPPORT, cubic_spline_gradient
+from surfsup.sph.kernels import KERNEL_SUPPORT
 from surfsup.sph.liquid import MAX_ITERATIONS, TOLERANCE, LiquidForces
 from surfsup.sph.rigid_steps import RigidStep
 from surfsup.sph.warp_engine.impulses import WALLS
@@ -24,8 +23,6 @@ from surfsup.sph.warp_engine.kernels.liquid import liquid_kernels
 
 if TYPE_CHECKING:
     from surfsup.sph.warp_engine.frame import Frame
-
-ASIDE = 0.25  # squared, in squared kernel supports: where the reference has the volume of a solid beside its point
 
 
 @dataclass(frozen=True)
@@ -217,27 +214,13 @@ class LiquidStep:
         self, row: int | None, kernel: wp.Kernel, positions: wp.array, inputs: list[Any], velocity: Any = None
     ) -> Contact:
         """A contact, placed by a kernel; ``velocity`` gives that of the solid at points (N, 3)."""
-        outputs = [self.frame.reals(), self.frame.reals(), self.frame.vectors()]
-        self.frame.launch(kernel, [positions, *inputs], outputs)
-        distance, fraction, normal = (runtime.to_torch(value) for value in outputs)
-        points = runtime.to_torch(positions)
-        depth = (distance + DISTANCE_OFFSET).clamp(min=MIN_DISTANCE) / KERNEL_SUPPORT
-        square = depth * depth + ASIDE
-        far = square.sqrt()
-        steepness = -cubic_spline_gradient(far.clamp(max=1))
-        scale = self.coefficients["friction"] * STRENGTH * fraction * steepness
-        scale = scale / (KERNEL_SUPPORT**2 * far * (square + dfsph.VISCOSITY_SOFTENING))
-        bowl = (-4 * depth * depth + 6 * depth - 2).clamp(min=0)
-        adhesion = torch.where(depth > 0.5, bowl.sqrt().sqrt(), 0.0)
-        return Contact(
-            row,
-            normal,
-            torch.zeros_like(points) if velocity is None else velocity(points),
-            solid_density(distance, fraction)[0],
-            scale * depth * depth,
-            scale * (0.5 * ASIDE),
-            self.time * self.coefficients["adhesion"] * fraction * adhesion,
-        )
+        real, normals = self.frame.precision.real, self.frame.vectors()
+        values = wp.zeros(self.frame.count, dtype=self.kernels.vec4, device=self.frame.device)
+        factors = [real(self.coefficients["friction"]), real(self.time * self.coefficients["adhesion"])]
+        self.frame.launch(kernel, [positions, *inputs, *factors], [values, normals])
+        points, normal = (runtime.to_torch(value) for value in (positions, normals))
+        moved = torch.zeros_like(points) if velocity is None else velocity(points)
+        return Contact(row, normal, moved, *runtime.to_torch(values).unbind(dim=1))
 
 
 def kinetic_energy(velocities: Tensor) -> Tensor:

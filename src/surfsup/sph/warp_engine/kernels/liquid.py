@@ -9,10 +9,13 @@ from types import SimpleNamespace
 import warp as wp
 
 from surfsup.sph import dfsph
+from surfsup.sph.boundary.density import DISTANCE_OFFSET, MIN_DISTANCE, STRENGTH
 from surfsup.sph.kernels import KERNEL_SUPPORT
 from surfsup.sph.warp_engine.kernels.boundary import PLANE, VOLUME_MAP, boundary_kernels
 from surfsup.sph.warp_engine.kernels.substeps import substep_kernels
 from surfsup.warp_runtime import Precision
+
+ASIDE = 0.25  # squared, in squared kernel supports: where the reference has the volume of a solid beside its point
 
 
 @cache
@@ -31,6 +34,9 @@ def liquid_kernels(precision: Precision) -> SimpleNamespace:
     shrink, one, zero, half, two = real(1.0 / KERNEL_SUPPORT), real(1.0), real(0.0), real(0.5), real(2.0)
     self_density, softening = real(dfsph.SELF_DENSITY), real(dfsph.VISCOSITY_SOFTENING)
     normal_scale, tiny, offset = real(2.0 * dfsph.SELF_DENSITY / KERNEL_SUPPORT), real(1e-12), real(1.0 / 64.0)
+    distance_offset, min_distance, strength = real(DISTANCE_OFFSET), real(MIN_DISTANCE), real(STRENGTH)
+    aside, four, six, twenty_four = real(ASIDE), real(4.0), real(6.0), real(24.0)
+    solid_density, vec4 = boundary.solid_density, wp.types.vector(4, real)
     plane, volume = wp.constant(PLANE), wp.constant(VOLUME_MAP)
 
     @wp.func
@@ -39,6 +45,21 @@ def liquid_kernels(precision: Precision) -> SimpleNamespace:
         product = wp.max(one - distance, zero) * distance
         cube = product * product * product
         return wp.where(distance > half, cube, two * cube - offset)
+
+    @wp.func
+    def contact(distance: real, fraction: real, friction: real, adhesion: real) -> vec4:
+        """Density of a solid, friction along its normal and across times the density in 1/s, and adhesion in m/s."""
+        depth = wp.max(distance + distance_offset, min_distance) * shrink
+        square = depth * depth + aside
+        away = wp.sqrt(square)
+        outer, inner = wp.max(one - away, zero), wp.max(half - away, zero)
+        steepness = six * outer * outer - twenty_four * inner * inner
+        scale = friction * strength * fraction * steepness * shrink * shrink / (away * (square + softening))
+        bowl = wp.max(-four * depth * depth + six * depth - two, zero)
+        pull = zero
+        if depth > half:
+            pull = adhesion * fraction * wp.sqrt(wp.sqrt(bowl))
+        return vec4(solid_density(distance, fraction), scale * depth * depth, scale * half * aside, pull)
 
     @wp.kernel(module=module, enable_backward=False)
     def measure_density(
@@ -145,15 +166,15 @@ def liquid_kernels(precision: Precision) -> SimpleNamespace:
         upper: vec3,
         wall_cell: vec3,
         table: wp.array(dtype=real),
-        distance: wp.array(dtype=real),
-        fraction: wp.array(dtype=real),
+        friction: real,
+        adhesion: real,
+        values: wp.array(dtype=vec4),
         normal: wp.array(dtype=vec3),
     ):
-        """Distance, volume fraction and normal of the walls, which may stand in a frame of their own."""
+        """What the walls do to the particles, and their normal; they may stand in a frame of their own."""
         i = wp.tid()
         found = wall_place(wp.transpose(rotation) * (positions[i] - translation), lower, upper, wall_cell, table)
-        distance[i] = found[0]
-        fraction[i] = found[1]
+        values[i] = contact(found[0], found[1], friction, adhesion)
         normal[i] = -(rotation * vec3(found[2], found[3], found[4]))
 
     @wp.kernel(module=module, enable_backward=False)
@@ -170,21 +191,21 @@ def liquid_kernels(precision: Precision) -> SimpleNamespace:
         node_places: wp.array(dtype=vec3),
         cell_indices: wp.array(dtype=int),
         nodes: wp.array2d(dtype=real),
-        distance: wp.array(dtype=real),
-        fraction: wp.array(dtype=real),
+        friction: real,
+        adhesion: real,
+        values: wp.array(dtype=vec4),
         normal: wp.array(dtype=vec3),
     ):
-        """Distance, volume fraction and normal of a solid: a plane, or a map that may be in a frame of its own."""
+        """What a solid does to the particles, and its normal: a plane, or a map that may be in a frame of its own."""
         i = wp.tid()
         if solid == plane:
-            distance[i] = solid_distance[i] + wp.dot(positions[i] - predicted[i], solid_normal[i])
-            fraction[i] = plane_fraction(distance[i], table)
+            distance = solid_distance[i] + wp.dot(positions[i] - predicted[i], solid_normal[i])
+            values[i] = contact(distance, plane_fraction(distance, table), friction, adhesion)
             normal[i] = solid_normal[i]
         if solid == volume:
             own = wp.transpose(rotation) * (positions[i] - translation)
             found = interpolate(volume_map, node_places, cell_indices, nodes, own)
-            distance[i] = found[0]
-            fraction[i] = found[1]
+            values[i] = contact(found[0], found[1], friction, adhesion)
             normal[i] = rotation * vec3(found[2], found[3], found[4])
 
     return SimpleNamespace(
@@ -201,6 +222,7 @@ def liquid_kernels(precision: Precision) -> SimpleNamespace:
         find_normals=find_normals,
         sum_tension=sum_tension,
         prepare_viscosity=prepare_viscosity,
+        vec4=vec4,
         multiply=multiply,
         place_walls=place_walls,
         place_solid=place_solid,
