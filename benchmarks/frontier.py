@@ -31,9 +31,9 @@ import torch
 from at_rest import root_mean_square_speed, scene_of
 from record import write_result
 from surfsup.evaluation.floor import floor_files
-from surfsup.evaluation.load_trajectories import trajectory_files
 from surfsup.evaluation.metrics import center_height, chamfer, kd_tree, kinetic_energy, max_density
 from surfsup.io.trajectory import Trajectory
+from surfsup.io.trajectory_path import trajectory_files
 from surfsup.scene import FRAME_TIME, PARTICLE_RADIUS, Scene
 from surfsup.scene.solids import Solids, build_solids
 from surfsup.simulation import Simulation

@@ -1,8 +1,9 @@
 import pytest
 
 from surfsup.errors import InputError
-from surfsup.learned.loading import load_simulator, simulator_names
+from surfsup.learned.loading import load_simulator
 from surfsup.learned.message_passing.surfsup import Surfsup
+from surfsup.learned.simulator_names import simulator_names
 from surfsup.sph.long_step_solver import LongStepSolver
 from surfsup.sph.solver import DfsphSolver
 

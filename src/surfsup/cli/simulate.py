@@ -13,6 +13,7 @@ from surfsup.cli.options import Device, NoCollisions, SimulatorName
 from surfsup.cli.output_options import OutputOptions
 from surfsup.cli.progress import progress_bar
 from surfsup.cli.scene_options import SceneOptions
+from surfsup.learned.simulator_names import require_simulator
 
 if TYPE_CHECKING:
     from surfsup.io.output_folder import OutputFrame
@@ -36,10 +37,13 @@ def simulate(
 
     Example: surfsup simulate bunny.obj -o out/bunny
     """
+    scene_options.check()
+    require_simulator(simulator_name)
     from surfsup.continuation import Continuation
     from surfsup.errors import InputError
     from surfsup.io.trajectory_format import Provenance
-    from surfsup.learned.loading import DEFAULT_SIMULATOR, FAST_SIMULATOR, load_simulator
+    from surfsup.learned.loading import load_simulator
+    from surfsup.learned.simulator_names import DEFAULT_SIMULATOR, FAST_SIMULATOR
     from surfsup.simulation import Simulation
     from surfsup.sph.device import choose_device
 

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import difflib
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from surfsup.errors import InputError
+from surfsup.learned.simulator_names import DEFAULT_SIMULATOR, FAST_SIMULATOR, require_simulator
 from surfsup.sph.long_step_solver import LongStepSolver
 from surfsup.sph.simulator import Simulator
 from surfsup.sph.solver import DfsphSolver
@@ -14,8 +12,6 @@ from surfsup.sph.solver import DfsphSolver
 if TYPE_CHECKING:
     from surfsup.learned.weights_file import Card
 
-DEFAULT_SIMULATOR = "dfsph"
-FAST_SIMULATOR = "dfsph-fast"
 SOLVERS: dict[str, type[Simulator[Any]]] = {DEFAULT_SIMULATOR: DfsphSolver, FAST_SIMULATOR: LongStepSolver}
 
 
@@ -31,18 +27,7 @@ def load_simulator(name: str) -> tuple[Simulator[Any], Card | None]:
     """
     if name in SOLVERS:
         return SOLVERS[name](), None
+    require_simulator(name)
     from surfsup.learned import weights_file
 
-    if name not in weights_file.shipped() and not Path(name).is_file():
-        near = difflib.get_close_matches(name, simulator_names(), n=1)
-        hint = f" (did you mean '{near[0]}'?)" if near else ""
-        known = ", ".join(simulator_names())
-        raise InputError(f"there is no simulator '{name}'{hint}; known are {known}, or give a .safetensors file")
     return weights_file.load(weights_file.find(name))
-
-
-def simulator_names() -> list[str]:
-    """The names that :func:`load_simulator` knows without a file, the default first."""
-    from surfsup.learned import weights_file
-
-    return [*SOLVERS, *weights_file.shipped()]
