@@ -28,6 +28,7 @@ ROWS = (
     "speed_50000",
     "speed_networks",
     "growth",
+    "jug",
     "at_rest",
     "physics_archimedes",
     "physics_floor",

@@ -15,6 +15,7 @@ container: {size: [0.6, 0.6, 0.9]}
 surface: {sphere: {radius: 0.1}, at: [0, 0, 0.15]}
 fluid:
   - block: {min: [-0.1, -0.1, 0.4], max: [0.1, 0.1, 0.58]}
+forces: all
 frames: 24
 """
 TRAINING = ("kind=surfsup", "width=4", "layers=1", "steps=4", "batch=1", "validate_every=2", "validation_scenes=1")
@@ -32,9 +33,12 @@ class Inputs:
         trajectory, weights, siren, checkpoint, fit: binary ones; the last two are the checkpoints of a training and of
             a fit.
         data: a folder of two trajectories.
+        generated: a data set of two scenes, as `surfsup generate` makes it.
+        data_folder: name of the folder of ``data``.
     """
 
     folder: Path
+    data_folder: str = "data"
 
     @property
     def scene(self) -> Path:
@@ -46,11 +50,15 @@ class Inputs:
 
     @property
     def data(self) -> Path:
-        return self.folder / "data"
+        return self.folder / self.data_folder
 
     @property
     def trajectory(self) -> Path:
         return self.data / "00000.h5"
+
+    @property
+    def generated(self) -> Path:
+        return self.folder / "generated"
 
     @property
     def run(self) -> Path:
@@ -76,6 +84,11 @@ class Inputs:
 def train_arguments(inputs: Inputs, out: Path | str) -> list[object]:
     """A training of a second."""
     return ["train", "surfsup", "--data", inputs.data, "--validation", inputs.data, "-o", out, *SHORT]
+
+
+def generate_arguments(out: Path | str, scenes: int) -> list[object]:
+    """A data set of a few seconds."""
+    return ["generate", "prim-shapes", "-o", out, "-n", scenes, "--frames", 20, "--workers", 1]
 
 
 def fit_arguments(inputs: Inputs, out: Path | str) -> list[object]:
@@ -112,6 +125,7 @@ def make_inputs(folder: Path, light: bool = False) -> Inputs:
         return inputs
     made(*train_arguments(inputs, inputs.run))
     made(*fit_arguments(inputs, inputs.siren))
+    made(*generate_arguments(inputs.generated, 2))
     return inputs
 
 
