@@ -7,7 +7,7 @@ from pathlib import Path
 
 from surfsup.errors import InputError, did_you_mean
 
-DEFAULT_SIMULATOR = "dfsph"
+DEFAULT_SIMULATOR, FAST_SIMULATOR = "dfsph", "dfsph-fast"
 
 
 def shipped() -> dict[str, Path]:
@@ -18,7 +18,7 @@ def shipped() -> dict[str, Path]:
 
 def simulator_names() -> list[str]:
     """The names of simulators that need no file, the default first."""
-    return [DEFAULT_SIMULATOR, *shipped()]
+    return [DEFAULT_SIMULATOR, FAST_SIMULATOR, *shipped()]
 
 
 def require_simulator(name: str) -> None:

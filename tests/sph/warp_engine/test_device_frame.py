@@ -164,8 +164,9 @@ def test_a_result_is_not_overwritten_by_the_next_frame():
     assert torch.equal(first.positions, kept)
 
 
-def test_the_host_waits_at_the_end_of_a_frame_alone_where_solids_move(reads_at_the_end):
-    simulation = in_warp(SCENES["a paddle and a ball"])
+@pytest.mark.parametrize("liquid", ["", "liquid: {viscosity: 0.001, surface_tension: 0.05}\n"])
+def test_the_host_waits_at_the_end_of_a_frame_alone_where_solids_move(liquid, reads_at_the_end):
+    simulation = in_warp(liquid + SCENES["a paddle and a ball"])
     state, environment = simulation.state.fluid, simulation._environment.at_frame(0)
     expected = WarpSolver().step(state, environment)
     with torch.no_grad(), simulated_gpu() as gpu:

@@ -55,6 +55,11 @@ class EnergyLimiter:
         self._launch(self.kernels.fold_sums, (1, FOLD), [self.gains[0]], [self.gains[1]])
         self._launch(self.kernels.allow_work, 1, [self.gains[1], self.count], [self.max_gain])
 
+    def allow_mean(self, work: Tensor) -> None:
+        """Let it gain a mean energy that is on the device, too, J/kg."""
+        allowed = runtime.to_torch(self.max_gain)
+        allowed += work
+
     def run(self, before: list[wp.array], after: list[wp.array], targets: list[wp.array]) -> None:
         """Write the limited positions and velocities (N,) of a frame to ``targets``, which may be ``after`` itself."""
         kernels, state = self.kernels, [*before, *after]

@@ -19,6 +19,7 @@ from surfsup.sph.warp_engine.kernels.adjoint import adjoint_kernels
 from surfsup.sph.warp_engine.kernels.boundary import PLANE, boundary_kernels
 from surfsup.sph.warp_engine.kernels.substeps import substep_kernels
 from surfsup.sph.warp_engine.kernels.transfer import transfer_kernels
+from surfsup.sph.warp_engine.liquid import LiquidStep
 from surfsup.sph.warp_engine.moving_boundary import MovingDensity
 from surfsup.sph.warp_engine.neighbors import NeighborSearch, empty_table
 from surfsup.warp_runtime import precision_of
@@ -66,6 +67,7 @@ class Frame:
         self.motions = [[self.vectors(), self.vectors()] for _ in range(part.substeps + 1 if keep else 2)]
         self.substeps = [Substep(self) for _ in range(part.substeps if keep else 1)]
         self.sums = sums
+        self.liquid: LiquidStep | None = None
         self.moving = None if steps is None else MovingDensity(self, steps)
         self.search = NeighborSearch(self.count, capacity, self.precision, self.device)
         self.factors: Any = empty_table(self.count, capacity, self.precision.real, self.device)
@@ -118,6 +120,8 @@ class Frame:
         neighbors = [self.search.neighbors, self.search.counts]
         motion, following = self.motion(number), self.motion(number + 1)
         substep = self.substeps[number % len(self.substeps)]
+        if self.liquid is not None:
+            self.liquid.advance(number, motion)
         self.launch(boundary_kernel, [motion[0], *self.solid, *self.boundary.inputs], substep.boundary)
         if self.moving is not None:
             self.moving.add(motion[0], number, substep.boundary)
@@ -130,6 +134,8 @@ class Frame:
             [self.rest_density, self.factors, *substep.results],
         )
         density, _, density_gradient, _, viscous, pressure = substep.results
+        if self.liquid is not None and self.liquid.viscous:
+            viscous.zero_()
         if self.moving is not None:
             self.moving.add_work(pressure)
         if self.sums is not None:

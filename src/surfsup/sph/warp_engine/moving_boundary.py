@@ -51,6 +51,11 @@ class MovingDensity:
             launches.append((self.kernels.add_moving_walls, [first + len(boundary.bodies), *boundary.walls]))
         return launches
 
+    def step(self, number: int, index: int) -> RigidStep:
+        """Place and velocity of one of those that move in a substep, walls last."""
+        (rotation, turn), (translation, drift) = (values[number, index] for values in self.tensors)
+        return RigidStep(rotation, translation, turn, drift)
+
     def add(self, positions: wp.array, number: int, density: list[wp.array]) -> None:
         """Add what moves in a substep to density and gradient (N,) at ``positions`` (N,)."""
         self.approach.zero_()
