@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 from record import write_result
-from surfsup.learned.loading import DEFAULT_SIMULATOR
+from surfsup.learned.simulator_names import DEFAULT_SIMULATOR
 
 PLACES = {"chamfer": 4, "chamfer_squared": 5, "surface": 1, "surface_squared": 2, "height": 4}
 TITLES = "data set | scenes | Chamfer, m | ratio | squared, m² | Surface, m | Surface squared, m² | inside | lost"
@@ -40,6 +40,8 @@ RESULTS = {  # data set: name of the result, and what its scenes are
     "tilting": ("accuracy_tilting", "containers that are tilted and shaken, 300 frames"),
     "fine": ("accuracy_fine", "small things, particles of 3 mm, 300 frames"),
     "stirring": ("accuracy_stirring", "paddles that turn, 300 frames"),
+    "taps": ("accuracy_taps", "taps, jets and fountains, 300 frames"),
+    "honey": ("accuracy_honey", "viscous liquids on primitives, 300 frames; 3 with a floor"),
     "tanks": ("accuracy_tanks", "tanks and dam breaks (400 frames)"),
 }
 

@@ -11,7 +11,8 @@ from surfsup.cli.locks import hold_lock
 from surfsup.cli.options import Device, Overrides, Resume, Scheduler, Threads, TimeLimit, Workers, stop_after
 from surfsup.cli.progress import progress_bar
 from surfsup.cli.status import RESUMABLE
-from surfsup.errors import InputError, Interrupted
+from surfsup.errors import InputError, Interrupted, did_you_mean
+from surfsup.io.trajectory_path import trajectory_files
 
 if TYPE_CHECKING:
     from surfsup.datasets.windows import WindowSource
@@ -55,6 +56,13 @@ def train(
 
     Example: surfsup train surfsup --data data/train --validation data/validation -o runs/surfsup --time 1h
     """
+    if preset not in PRESET_NAMES and not Path(preset).is_file():
+        hint = did_you_mean(preset, PRESET_NAMES)
+        raise InputError(f"there is no training preset or file '{preset}'{hint}; presets are {', '.join(PRESET_NAMES)}")
+    if bool(data) == (stream is not None):
+        raise InputError("train on either --data DIR or --stream RECIPE")
+    for folder in (*(data or []), validation):
+        trajectory_files(folder)
     from contextlib import ExitStack
 
     import torch
@@ -69,8 +77,6 @@ def train(
     from surfsup.training.tensorboard import open_log
     from surfsup.training.train import train as run_training
 
-    if bool(data) == (stream is not None):
-        raise InputError("train on either --data DIR or --stream RECIPE")
     if data and (workers or scheduler):
         raise InputError("--workers and --scheduler apply to --stream only")
     torch.set_num_threads(threads)
