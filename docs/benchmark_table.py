@@ -23,6 +23,8 @@ ROWS = (
     "accuracy_tilting",
     "accuracy_fine",
     "accuracy_stirring",
+    "accuracy_taps",
+    "accuracy_honey",
     "accuracy_networks",
     "speed_3000",
     "speed_50000",

@@ -1,4 +1,4 @@
-"""Newton's implicit MPM on the CPU for ``benchmarks/jug.py``: the same water in the same box, the jug at rest, a mesh.
+"""Newton's implicit MPM on the CPU for ``benchmarks/jug.py``: the same water and box, the jug a mesh that stands.
 
 Settings are those of its own example of a water dam break but for lengths: eight particles to a cell, one step a frame.
 """

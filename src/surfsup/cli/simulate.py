@@ -25,7 +25,7 @@ def simulate(
     output: OutputOptions,
     simulator_name: SimulatorName = "dfsph",
     fast: Annotated[
-        bool, typer.Option("--fast", help="Long steps: some 2.7 times as fast, less accurate in a splash.")
+        bool, typer.Option("--fast", help="Long steps: 2.5 times as fast, somewhat less accurate.")
     ] = False,
     device: Device = None,
     no_collisions: NoCollisions = False,

@@ -1,4 +1,4 @@
-"""The solver in long steps: 2.7 times as fast as the default, less accurate in a splash."""
+"""The solver in long steps: 2.5 times as fast as the default, somewhat less accurate (docs/log.md)."""
 
 from __future__ import annotations
 
