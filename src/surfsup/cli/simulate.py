@@ -16,7 +16,7 @@ from surfsup.cli.scene_options import SceneOptions
 from surfsup.learned.simulator_names import require_simulator
 
 if TYPE_CHECKING:
-    from surfsup.io.output_folder import OutputFrame
+    from surfsup.io.output_folder import OutputFrame, Summary
     from surfsup.scene import Scene
 
 
@@ -78,3 +78,20 @@ def simulate(
         named = scene_options.named_while(frames)
         summary = folder.record(scene, solids, named, Provenance(name), device, bar, began, crossings)
     output.finish(folder, summary, simulation.particles.excluded)
+    if not no_collisions:
+        warn_of_misplaced(summary)
+
+
+def warn_of_misplaced(summary: Summary) -> None:
+    """Warn of particles where collision handling lets none be: a moving solid may press them against a wall."""
+    places = {
+        "in a solid": summary.penetrations,
+        "out of the container": summary.out_of_container,
+        "on the other side of a solid": summary.crossings or 0,
+    }
+    if found := ", ".join(f"{count} times {place}" for place, count in places.items() if count):
+        warnings.warn(
+            f"a particle was {found} at the end of a frame; a solid that moves or overlaps another leaves it no room "
+            "there, so give it a way out",
+            stacklevel=1,
+        )
