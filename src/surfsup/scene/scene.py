@@ -427,7 +427,7 @@ class Scene(StrictModel):
 
     @property
     def needs_native(self) -> bool:
-        """Whether the scene runs on the CPU unless a device is given: it moves, forces are requested, or it has a liquid.
+        """Whether the scene runs on the CPU unless a device is given: it moves, or has forces or a liquid.
 
         A GPU cuts no path where it enters a solid, and several liquids need the C++ code.
         """
