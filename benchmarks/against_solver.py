@@ -30,7 +30,7 @@ from pathlib import Path
 from typing import Any
 
 from record import write_result
-from surfsup.learned.loading import DEFAULT_SIMULATOR
+from surfsup.learned.simulator_names import DEFAULT_SIMULATOR
 from surfsup.scene import FRAME_TIME, Scene
 from surfsup.sph.boundary.scene_boundaries import scene_volume_maps
 from surfsup.sph.liquid import LiquidForces

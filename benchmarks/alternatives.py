@@ -34,10 +34,10 @@ from against_solver import ADAPTIVE, FIXED, run_in_own_process, scene_of
 from paper_network import INPUTS
 from peers import run
 from record import write_result
-from surfsup.learned.loading import DEFAULT_SIMULATOR
 from surfsup.learned.message_passing.architecture import SIZES, MessagePassingArchitecture
 from surfsup.learned.message_passing.graph import build_graph
 from surfsup.learned.message_passing.surface_particles import poisson_disk
+from surfsup.learned.simulator_names import DEFAULT_SIMULATOR
 from surfsup.scene import FRAME_TIME, PARTICLE_RADIUS, Scene
 from surfsup.simulation import Simulation
 from surfsup.sph.neighbor_search import find_neighbors

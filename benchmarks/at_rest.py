@@ -23,7 +23,7 @@ import torch
 from record import write_result
 from surfsup.datasets.density import number_density
 from surfsup.datasets.recipes.tanks import GAP
-from surfsup.learned.loading import DEFAULT_SIMULATOR
+from surfsup.learned.simulator_names import DEFAULT_SIMULATOR
 from surfsup.scene import Scene
 from surfsup.simulation import Simulation
 from surfsup.splishsplash import solver

@@ -20,7 +20,8 @@ import torch
 from scipy.spatial import cKDTree
 
 from surfsup.io.trajectory import Trajectory
-from surfsup.learned.loading import DEFAULT_SIMULATOR, load_simulator
+from surfsup.learned.loading import load_simulator
+from surfsup.learned.simulator_names import DEFAULT_SIMULATOR
 from surfsup.scene import Scene
 from surfsup.scene.fluid import InitialParticles
 from surfsup.sdf import Surface

@@ -21,7 +21,7 @@ from surfsup.evaluation.evaluate import evaluate_trajectory
 from surfsup.evaluation.scores import ALL
 from surfsup.io.trajectory_format import Provenance
 from surfsup.io.trajectory_writer import TrajectoryWriter
-from surfsup.learned.loading import DEFAULT_SIMULATOR
+from surfsup.learned.simulator_names import DEFAULT_SIMULATOR
 from surfsup.scene import InitialParticles, Scene
 from surfsup.simulation import Simulation
 

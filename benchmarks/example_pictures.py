@@ -2,12 +2,14 @@
 
     surfsup simulate examples/knot.obj -o out/knot
     surfsup examples honey -o out/honey
+    surfsup examples boat -o out/boat
     surfsup examples pour-from-a-cup -o out/pour
     surfsup examples water-wheel -o out/wheel
     surfsup examples oil-and-water -o out/oil
     python examples/robot_pours.py -o out/robot.h5
     python benchmarks/example_pictures.py hero out/knot/trajectory.h5
     python benchmarks/example_pictures.py honey out/honey/trajectory.h5
+    python benchmarks/example_pictures.py boat out/boat/trajectory.h5
     python benchmarks/example_pictures.py pour-from-a-cup out/pour/trajectory.h5
     python benchmarks/example_pictures.py water-wheel out/wheel/trajectory.h5
     python benchmarks/example_pictures.py oil-and-water out/oil/trajectory.h5
@@ -55,6 +57,7 @@ class Strip:
 
 
 STRIPS = {
+    "boat": Strip((0.9, 2.9), (620, 368), ViewDirection(-59.83, 21.91, 1.02)),
     "honey": Strip((0.5, 1.2, 2.4, 3.9), (400, 460), ViewDirection(-59.83, 21.91, 1.3)),
     "pour-from-a-cup": Strip((0.0, 3.3, 3.9, 4.5), (400, 420), ViewDirection(-70.0, 24.0, 1.1)),
     "water-wheel": Strip((1.0, 2.2), (640, 520), ViewDirection(-72.0, 14.0, 1.05)),

@@ -16,7 +16,8 @@ import numpy as np
 import torch
 
 from surfsup.io.trajectory import Trajectory
-from surfsup.learned.loading import DEFAULT_SIMULATOR, load_simulator
+from surfsup.learned.loading import load_simulator
+from surfsup.learned.simulator_names import DEFAULT_SIMULATOR
 from surfsup.sdf import Surface
 from surfsup.sph.environment import Environment
 from surfsup.sph.simulator import Simulator

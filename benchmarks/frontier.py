@@ -3,8 +3,9 @@
     python benchmarks/frontier.py data/validation [--frames 800] [--plot docs/images/frontier.png]
 
 The folder is a data set with floors (`surfsup floor`), never a test set: the defaults of the solver are chosen from it.
-For each pair of frame time and substeps, and for particles twice as large, the program simulates every scene on one
-thread and compares it with the reference at the same times, every 20 ms:
+For each pair of frame time and substeps, for long steps (`simulate --fast`, zero substeps in the result) and for
+particles twice as large, the program simulates every scene on one thread and compares it with the reference at the same
+times, every 20 ms:
 
 - simulated seconds in a second of the processor,
 - Chamfer distance over the floor's: mean, and at 0.3, 0.5 and 1 s,
@@ -30,15 +31,16 @@ import torch
 from at_rest import root_mean_square_speed, scene_of
 from record import write_result
 from surfsup.evaluation.floor import floor_files
-from surfsup.evaluation.load_trajectories import trajectory_files
 from surfsup.evaluation.metrics import center_height, chamfer, kd_tree, kinetic_energy, max_density
 from surfsup.io.trajectory import Trajectory
+from surfsup.io.trajectory_path import trajectory_files
 from surfsup.scene import FRAME_TIME, PARTICLE_RADIUS, Scene
 from surfsup.scene.solids import Solids, build_solids
 from surfsup.simulation import Simulation
 from surfsup.sph.environment import Environment
+from surfsup.sph.long_step_solver import LongStepSolver
 from surfsup.sph.native_solver import NativeSolver
-from surfsup.sph.solver import finish_step
+from surfsup.sph.solver import finished
 from surfsup.sph.state import FramePart, ParticleState
 
 STRIDE = 4  # frames of the reference between comparisons: 20 ms
@@ -46,6 +48,7 @@ MOMENTS = (60, 100, 200)  # frames
 CELL = 0.06  # meters, of the density field
 POOL_SECONDS = 10.0
 SETTINGS = [(5, 1), (5, 2), (5, 3), (5, 4), (5, 5), (5, 7), (10, 2), (10, 3), (10, 5), (10, 10), (20, 4), (20, 10)]
+LONG_STEPS = (20, 0)  # of `--fast`, which chooses the substeps itself
 DEFAULT = (5, 5)  # frame in ms, substeps
 COARSE_RADIUS = 0.03  # meters
 
@@ -86,21 +89,19 @@ class Curves:
 def rollout(
     scene: Scene, positions: np.ndarray, velocities: np.ndarray, part: FramePart, count: int
 ) -> Iterator[Moment]:
-    """The state every 20 ms, by frames of other length and other substeps."""
+    """The state every 20 ms, by frames of other length and other substeps, or by long steps."""
     environment = Environment.of(scene, scene.build_surface())
     state = ParticleState(torch.from_numpy(positions), torch.from_numpy(velocities))
-    solver, spent = NativeSolver(), 0.0
+    solver, long_steps, spent = NativeSolver(), LongStepSolver(), 0.0
     frames = round(STRIDE * FRAME_TIME / part.seconds)
     yield positions, velocities, spent
     for moment in range(1, count):
         for _ in range(frames):
             began = time.process_time()
-            frame = solver.step(state, environment, True, part)
-            if frame.finished:
-                state = ParticleState(frame.positions, frame.velocities)
+            if part.substeps == 0:
+                state, _ = long_steps.long_step(state, environment)
             else:
-                now = frame.positions, frame.velocities
-                state, _ = finish_step(state, *now, environment, frame.last_query, True, part)
+                state, _ = finished(state, solver.step(state, environment, True, part), environment, True, part)
             spent += time.process_time() - began if moment > 1 else 0.0  # the first 20 ms include the setup
         yield state.positions.numpy(), state.velocities.numpy(), spent
 
@@ -230,7 +231,7 @@ def plot(rows: list[Row], path: Path) -> None:
             for row, place in zip(of_frame, zip(x, y, strict=True), strict=True):
                 shift = (5, 5) if number != 1 else (5, -13)
                 axes.annotate(
-                    f"{row.substeps}", place, xytext=shift, textcoords="offset points", color=line.get_color()
+                    f"{row.substeps or 'fast'}", place, xytext=shift, textcoords="offset points", color=line.get_color()
                 )
         axes.axhline(1, color="0.5", linestyle="--", linewidth=1)
         axes.set(xlabel="simulated seconds in a second of one core", title=title)
@@ -256,7 +257,7 @@ def main() -> None:
     floor_field = float(np.mean([np.mean(one.density_field) for one in floors]))
     print(f"floor: density field {floor_field:.4f}", flush=True)
     rows = []
-    for setting in [*SETTINGS, None]:
+    for setting in [*SETTINGS, LONG_STEPS, None]:
         rows.append(measure(files, floors, setting, count))
         print(rows[-1], flush=True)
     default = next(row for row in rows if (row.frame_ms, row.substeps) == DEFAULT)

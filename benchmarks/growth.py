@@ -25,7 +25,7 @@ from pathlib import Path
 
 from against_solver import scene_of, time_splishsplash, time_surfsup
 from record import write_result
-from surfsup.learned.loading import DEFAULT_SIMULATOR
+from surfsup.learned.simulator_names import DEFAULT_SIMULATOR
 
 SURFSUP, SPLISHSPLASH = "surfsup", "SPlisHSPlasH"
 SURFSUP_PARTICLES = (3_000, 10_000, 30_000, 100_000, 300_000, 1_000_000)

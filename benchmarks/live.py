@@ -1,6 +1,6 @@
 """What the live page takes in real time, and the pictures a second that headless Chromium draws.
 
-    python benchmarks/live.py [--particles 3000] [--seconds 20] [--threads 1]
+    python benchmarks/live.py [--particles 3000] [--seconds 20] [--threads 1] [--window 1000 800]
 
 Water falls on a ball. The server's pictures and simulated seconds are counted in the process that
 simulates, as the page shows them; the browser's own pictures are the calls of requestAnimationFrame. Without a GPU the
@@ -92,6 +92,7 @@ def main() -> None:
     parser.add_argument("--particles", type=int, default=3000)
     parser.add_argument("--seconds", type=float, default=20.0)
     parser.add_argument("--threads", type=int, default=1)
+    parser.add_argument("--window", type=int, nargs=2, default=(1000, 800), help="of the browser, pixels")
     arguments = parser.parse_args()
     torch.set_num_threads(arguments.threads)
     with socket.socket() as probe:
@@ -104,7 +105,8 @@ def main() -> None:
         loop.start()
         try:
             browser = playwright.chromium.launch(executable_path=shutil.which("chromium"), args=FLAGS)
-            page = browser.new_page(viewport={"width": 1000, "height": 800})
+            width, height = arguments.window
+            page = browser.new_page(viewport={"width": width, "height": height})
             page.goto(f"http://127.0.0.1:{port}", timeout=120_000)
             page.get_by_text("of real time").wait_for(timeout=120_000)
             page.evaluate(COUNT)
@@ -134,6 +136,7 @@ def main() -> None:
                 "processor_ms_per_picture_in_the_browser": round(1000 * (browser_time() - browser_start) / drawn, 1),
                 "seconds": round(elapsed, 1),
                 "threads": arguments.threads,
+                "window": list(arguments.window),
                 "load_average": round(os.getloadavg()[0], 1),
             }
             browser.close()
@@ -143,14 +146,15 @@ def main() -> None:
             server.close()
     print(values)
     write_result(
-        "live",
+        "live" if tuple(arguments.window) == (1000, 800) else f"live_{width}x{height}",
         f"Cores that the live page's server takes for real time and {PICTURES} pictures a second, "
         f"{values['particles']:,} particles",
         values["cores_for_real_time"],
         "cores",
         None,
         None,
-        f"python benchmarks/live.py --particles {arguments.particles}",
+        f"python benchmarks/live.py --particles {arguments.particles}"
+        + ("" if tuple(arguments.window) == (1000, 800) else f" --window {width} {height}"),
         values,
         arguments.threads,
     )

@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 from record import write_result
-from surfsup.learned.loading import DEFAULT_SIMULATOR
+from surfsup.learned.simulator_names import DEFAULT_SIMULATOR
 
 PLACES = {"chamfer": 4, "chamfer_squared": 5, "surface": 1, "surface_squared": 2, "height": 4}
 TITLES = "data set | scenes | Chamfer, m | ratio | squared, m² | Surface, m | Surface squared, m² | inside | lost"

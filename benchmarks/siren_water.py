@@ -22,7 +22,8 @@ from surfsup.evaluation.evaluate import evaluate_trajectory
 from surfsup.evaluation.scores import ALL
 from surfsup.io.trajectory_format import Provenance
 from surfsup.io.trajectory_writer import TrajectoryWriter
-from surfsup.learned.loading import DEFAULT_SIMULATOR, load_simulator
+from surfsup.learned.loading import load_simulator
+from surfsup.learned.simulator_names import DEFAULT_SIMULATOR
 from surfsup.scene import Container, InitialParticles, Scene
 from surfsup.scene.fluid import Block
 from surfsup.scene.from_surface import Placement, scene_from_surface

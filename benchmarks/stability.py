@@ -22,7 +22,8 @@ import torch
 from record import write_result
 from surfsup.datasets.generation.scene_sampler import SceneSampler
 from surfsup.evaluation.rollout import until_diverged
-from surfsup.learned.loading import DEFAULT_SIMULATOR, load_simulator
+from surfsup.learned.loading import load_simulator
+from surfsup.learned.simulator_names import DEFAULT_SIMULATOR
 from surfsup.scene import Scene
 from surfsup.sph.environment import Environment
 from surfsup.sph.simulator import Simulator

@@ -18,7 +18,8 @@ import torch
 
 from error_growth import rollout_errors
 from surfsup.io.trajectory import Trajectory
-from surfsup.learned.loading import DEFAULT_SIMULATOR, load_simulator
+from surfsup.learned.loading import load_simulator
+from surfsup.learned.simulator_names import DEFAULT_SIMULATOR
 from surfsup.sph.simulator import Simulator
 
 START_FRAMES = range(40, 155, 6)  # from the first contact to the height of the splash

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from fault_campaign import kills, learned, meshes, recordings, scenes, surroundings
+from fault_campaign import data_sets, kills, learned, meshes, recordings, scenes, surroundings
 from fault_campaign.inputs import Inputs
 from fault_campaign.program import call, surfsup
 from fault_campaign.verdict import BAD, Case, verdict
@@ -94,7 +94,8 @@ KINDS: dict[str, Kind | Scenario] = {
     "learned": Kind(learned.cases, 150, 0),
     "trajectory": Kind(recordings.cases, 150, 6),
     "kill": Scenario(kills.runs, 100, 1),
-    "surroundings": Scenario(surroundings.runs, 150, 1),
+    "surroundings": Scenario(surroundings.runs, 175, 1),
+    "data set": Kind(data_sets.cases, 100, 0),
 }
 
 
@@ -105,10 +106,10 @@ def run_case(case: Case, folder: Path, keep: bool) -> dict[str, Any]:
     before = listing(folder)
     outcome = surfsup(case.arguments, folder, case.before)
     kind, reason = verdict(outcome, case.named)
-    new = {path for path in listing(folder) - before if not path.startswith("out")}
+    new = {path for path, _ in listing(folder) ^ before if not path.startswith("out")}
     if new and kind not in BAD:
         kind, reason = "wrote elsewhere", ", ".join(sorted(new))
-    if kind == "accepted" and case.check is not None and (wrong := call(partial(case.check, folder))):
+    if kind in ("accepted", "warned") and case.check is not None and (wrong := call(partial(case.check, folder))):
         kind, reason = "silently wrong", wrong
     if not (keep and kind in BAD):
         shutil.rmtree(folder)
@@ -122,6 +123,8 @@ def run_case(case: Case, folder: Path, keep: bool) -> dict[str, Any]:
     }
 
 
-def listing(folder: Path) -> set[str]:
-    """The paths below a folder."""
-    return {str(path.relative_to(folder)) for path in folder.rglob("*")}
+def listing(folder: Path) -> set[tuple[str, tuple[int, int]]]:
+    """The paths below a folder, with size and time of last change of those that are files."""
+    paths = {str(path.relative_to(folder)): path for path in folder.rglob("*")}
+    status = {name: path.lstat() for name, path in paths.items()}
+    return {(name, (one.st_size, one.st_mtime_ns) if paths[name].is_file() else (0, 0)) for name, one in status.items()}

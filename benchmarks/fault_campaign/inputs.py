@@ -32,9 +32,12 @@ class Inputs:
         trajectory, weights, siren, checkpoint, fit: binary ones; the last two are the checkpoints of a training and of
             a fit.
         data: a folder of two trajectories.
+        generated: a data set of two scenes, as `surfsup generate` makes it.
+        data_folder: name of the folder of ``data``.
     """
 
     folder: Path
+    data_folder: str = "data"
 
     @property
     def scene(self) -> Path:
@@ -46,11 +49,15 @@ class Inputs:
 
     @property
     def data(self) -> Path:
-        return self.folder / "data"
+        return self.folder / self.data_folder
 
     @property
     def trajectory(self) -> Path:
         return self.data / "00000.h5"
+
+    @property
+    def generated(self) -> Path:
+        return self.folder / "generated"
 
     @property
     def run(self) -> Path:
@@ -76,6 +83,11 @@ class Inputs:
 def train_arguments(inputs: Inputs, out: Path | str) -> list[object]:
     """A training of a second."""
     return ["train", "surfsup", "--data", inputs.data, "--validation", inputs.data, "-o", out, *SHORT]
+
+
+def generate_arguments(out: Path | str, scenes: int) -> list[object]:
+    """A data set of a few seconds."""
+    return ["generate", "prim-shapes", "-o", out, "-n", scenes, "--frames", 20, "--workers", 1]
 
 
 def fit_arguments(inputs: Inputs, out: Path | str) -> list[object]:
@@ -104,14 +116,17 @@ def make_inputs(folder: Path, light: bool = False) -> Inputs:
     inputs = Inputs(folder)
     inputs.data.mkdir(parents=True)
     inputs.scene.write_text(SCENE)
+    recorded = folder / "recorded.yaml"
+    recorded.write_text(f"{SCENE}forces: all\n")  # of which no learned simulator knows
     trimesh.creation.icosphere(2, 0.3).export(inputs.mesh)
     for number in range(2):
-        made("simulate", inputs.scene, "-o", folder / f"out{number}", *QUIET)
+        made("simulate", recorded, "-o", folder / f"out{number}", *QUIET)
         (folder / f"out{number}" / "trajectory.h5").rename(inputs.data / f"{number:05d}.h5")
     if light:
         return inputs
     made(*train_arguments(inputs, inputs.run))
     made(*fit_arguments(inputs, inputs.siren))
+    made(*generate_arguments(inputs.generated, 2))
     return inputs
 
 

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from fault_campaign.inputs import QUIET, Inputs, fit_arguments, train_arguments, without_graphics
+from fault_campaign.inputs import QUIET, Inputs, fit_arguments, generate_arguments, train_arguments, without_graphics
 from fault_campaign.program import Run, call, surfsup
 from fault_campaign.verdict import verdict
 
@@ -54,9 +54,7 @@ def verbs(inputs: Inputs) -> dict[str, Verb]:
         ),
         "export usd": Verb(["export", inputs.trajectory, "--to", "usd", "-o", "out", "--overwrite"], (), 0.6, True),
         "sweep": Verb(sweep, (), 2.5, False),
-        "generate": Verb(
-            ["generate", "prim-shapes", "-o", "out", "-n", 2, "--frames", 8, "--workers", 1], (), 6, False
-        ),
+        "generate": Verb(generate_arguments("out", 2), (), 6, False),
         "train": Verb([*train_arguments(inputs, "out"), "steps=40"], ("--resume",), 3, False),
         "fit": Verb([*fit_arguments(inputs, "out.safetensors"), "steps=400"], ("--resume",), 3, False),
         "design": Verb(design, ("--resume",), 6, False),

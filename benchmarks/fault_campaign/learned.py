@@ -77,7 +77,7 @@ def changed_tensor(data: bytes, random: np.random.Generator) -> tuple[str, bytes
         "NaN": lambda: spoiled(value, float("nan"), random),
         "infinity": lambda: spoiled(value, float("-inf"), random),
         "1e30": lambda: spoiled(value, 1e30, random),
-        "all 1e38": lambda: torch.full_like(value, 1e38),
+        "all 1e38": lambda: torch.full_like(value.float(), 1e38),
         "zeros": lambda: torch.zeros_like(value),
         "booleans": lambda: value.bool(),
         "integers": lambda: value.nan_to_num().to(torch.int64),

@@ -42,21 +42,22 @@ def case(verb: str, name: str, data: bytes, inputs: Inputs) -> Case:
     arguments: dict[str, list[object]] = {
         "export": ["export", "data/00000.h5", "--to", "npz", "--fps", 200, "-o", "out"],
         "compare": ["compare", "data/00000.h5", "whole.h5"],
-        "forces": ["forces", "data/00000.h5", "-o", "out/forces.csv"],
+        "forces": ["forces", "out/00000.h5"],
         "restart": ["simulate", "scene.yaml", "--restart", "data/00000.h5", *water],
         "particles": ["simulate", "particles.yaml", *water],
         "evaluate": ["evaluate", "dfsph", "data", "--frames", 5, "--no-video", "-o", "out"],
         "train": [*train_arguments(Inputs(Path()), "out"), "steps=2"],
     }
     check = exported_right if verb == "export" else None
-    named = "" if verb == "forces" else "00000.h5"
-    return Case("trajectory", name, arguments[verb], partial(prepare, data, inputs), check, named, without_graphics)
+    place = "out" if verb == "forces" else "data"  # where the table of forces goes, too
+    prepared = partial(prepare, data, inputs, place)
+    return Case("trajectory", name, arguments[verb], prepared, check, "00000.h5", without_graphics)
 
 
-def prepare(data: bytes, inputs: Inputs, folder: Path) -> None:
+def prepare(data: bytes, inputs: Inputs, place: str, folder: Path) -> None:
     """The damaged file alone in a data set, the undamaged one, and scenes."""
-    (folder / "data").mkdir()
-    (folder / "data/00000.h5").write_bytes(data)
+    (folder / place).mkdir()
+    (folder / place / "00000.h5").write_bytes(data)
     shutil.copy(inputs.trajectory, folder / "whole.h5")
     (folder / "scene.yaml").write_text(SCENE)
     head = SCENE.partition("fluid:")[0]

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from fault_campaign.inputs import QUIET, Inputs, fit_arguments, train_arguments, without_graphics
+from fault_campaign.inputs import QUIET, Inputs, fit_arguments, generate_arguments, train_arguments, without_graphics
 from fault_campaign.kills import unreadable
 from fault_campaign.program import Run, call, surfsup
 from fault_campaign.verdict import verdict
@@ -63,8 +63,10 @@ def writers(inputs: Inputs) -> dict[str, list[object]]:
         "evaluate": ["evaluate", "dfsph", inputs.data, "--frames", 5, "--no-video", "-o", "out"],
         "train": train_arguments(inputs, "out"),
         "fit": fit_arguments(inputs, "out.safetensors"),
+        "view": ["view", inputs.trajectory, "-o", "out.html"],
+        "render": ["render", inputs.trajectory, "-o", "out.mp4"],
         "convert": ["convert", scene, "-o", "out.json", "--partial"],
-        "generate": ["generate", "prim-shapes", "-o", "out", "-n", 1, "--frames", 8, "--workers", 1],
+        "generate": generate_arguments("out", 1),
         "design": ["design", "bowl", "-o", "out", "--no-video", "--no-verification", "--iterations", 1, "--frames", 5],
     }
 
@@ -84,6 +86,8 @@ def everything(inputs: Inputs) -> Iterator[tuple[str, Callable[[Path], tuple[str
     """All of them with their names."""
     verbs = writers(inputs)
     yield "two runs", partial(two_runs, verbs["simulate"] + ["--frames", 3000])
+    for verb, arguments in verbs.items():
+        yield f"{verb} over links", partial(over_links, arguments)
     for size in (4_000, 30_000, 60_000, 200_000):
         for verb, arguments in verbs.items():
             if size > 10_000 and verb in ("train", "generate", "design", "fit"):
@@ -105,6 +109,22 @@ def alone(arguments: list[object], before: Before, folder: Path) -> tuple[str, s
     if wrong := call(partial(unreadable, folder)):
         return "lost or half-written", f"{kind}: {wrong}"
     shutil.rmtree(folder, ignore_errors=True)
+    return kind, reason
+
+
+def over_links(arguments: list[object], folder: Path) -> tuple[str, str]:
+    """A run into a folder, as a stranger may have made it, whose files are links: what they lead to stays as it is."""
+    surfsup(arguments, folder, without_graphics)
+    (folder / "kept").mkdir()
+    kept: dict[Path, bytes] = {}
+    for path in sorted(path for path in folder.rglob("*") if path.is_file() and not path.is_symlink()):
+        target = folder / "kept" / f"{len(kept)}{path.suffix}"
+        kept[target] = path.read_bytes()
+        path.rename(target)
+        path.symlink_to(target)
+    kind, reason = verdict(surfsup(arguments, folder, without_graphics))
+    if changed := [path.name for path, content in kept.items() if path.read_bytes() != content]:
+        return "wrote elsewhere", f"{kind}: through a link to {', '.join(changed)}"
     return kind, reason
 
 

@@ -9,8 +9,9 @@ import numpy as np
 import torch
 from timing import report
 
-from surfsup.learned.loading import DEFAULT_SIMULATOR, load_simulator
+from surfsup.learned.loading import load_simulator
 from surfsup.learned.registry import LEARNED_SIMULATORS
+from surfsup.learned.simulator_names import DEFAULT_SIMULATOR
 from surfsup.scene import Scene
 from surfsup.sph.environment import Environment
 from surfsup.sph.simulator import Simulator

@@ -101,9 +101,9 @@ def check_processor() -> Check:
 
 def check_weights() -> Check:
     """The weights of learned simulators in the package."""
-    from surfsup.learned import weights_file
+    from surfsup.learned.simulator_names import shipped
 
-    names = ", ".join(weights_file.shipped())
+    names = ", ".join(shipped())
     return Check("weights", bool(names), names or "none in the package", "" if names else REINSTALL)
 
 

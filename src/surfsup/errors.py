@@ -1,5 +1,8 @@
 """Errors whose message is a single line for the user."""
 
+import difflib
+from collections.abc import Iterable
+
 
 def printable(text: str) -> str:
     """A text for a terminal in one line: control characters and marks of direction, as in names of files, are escaped.
@@ -19,6 +22,17 @@ def single_line(error: BaseException) -> str:
         'no header'
     """
     return " ".join(str(error).split())
+
+
+def did_you_mean(name: str, known: Iterable[str]) -> str:
+    """A hint at the most similar of the ``known`` names, empty if none is similar.
+
+    Examples:
+        >>> did_you_mean("surfup", ["surfsup", "gns"])
+        " (did you mean 'surfsup'?)"
+    """
+    near = difflib.get_close_matches(name, list(known), n=1)
+    return f" (did you mean '{near[0]}'?)" if near else ""
 
 
 class InputError(ValueError):

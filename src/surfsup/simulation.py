@@ -15,7 +15,8 @@ import torch
 from surfsup.errors import InputError
 from surfsup.io.trajectory_format import Provenance
 from surfsup.io.trajectory_writer import TrajectoryWriter
-from surfsup.learned.loading import DEFAULT_SIMULATOR, load_simulator
+from surfsup.learned.loading import load_simulator
+from surfsup.learned.simulator_names import DEFAULT_SIMULATOR
 from surfsup.scene import FRAME_TIME, InitialParticles, Scene
 from surfsup.scene.liquid import Liquid
 from surfsup.scene.pose import NO_ROTATION, Pose, between, numbers

@@ -12,7 +12,8 @@ import trimesh
 from surfsup.errors import InputError
 from surfsup.exporting import bgeo, legacy_vtk, npz, ply, vtu
 from surfsup.exporting.export import export
-from surfsup.io.trajectory import Provenance, TrajectoryWriter
+from surfsup.io.trajectory_format import Provenance
+from surfsup.io.trajectory_writer import TrajectoryWriter
 from surfsup.scene import Scene
 from surfsup.scene.liquid import LIQUIDS
 from surfsup.simulation import Simulation

@@ -1,3 +1,4 @@
+import os
 import subprocess
 import sys
 
@@ -26,6 +27,21 @@ def test_folders_that_stay_empty_are_removed_and_others_are_not(tmp_path):
     with locked_folder(tmp_path / "a"):
         pass
     assert (tmp_path / "a").exists()
+
+
+def test_a_lock_that_a_stranger_made_a_link_or_a_pipe_is_refused_and_nothing_is_written_through_it(tmp_path):
+    """A data set's run writes into its lock; that may not be a file of the user's."""
+    precious = tmp_path / "precious.txt"
+    precious.write_text("years of work")
+    (tmp_path / "a").mkdir()
+    (tmp_path / "a" / LOCK).symlink_to(precious)
+    with pytest.raises(InputError, match=r"its file \.lock is a link"):
+        take_lock(tmp_path / "a")
+    assert precious.read_text() == "years of work"
+    (tmp_path / "b").mkdir()
+    os.mkfifo(tmp_path / "b" / LOCK)
+    with pytest.raises(InputError, match=r"its file \.lock is no plain file"):
+        take_lock(tmp_path / "b")
 
 
 def test_a_killed_run_leaves_no_lock(tmp_path):

@@ -35,3 +35,12 @@ def test_a_place_that_cannot_be_written_is_one_line_with_the_name_that_the_user_
     with pytest.raises(InputError, match=r"given\.h5: cannot be written") as error:
         new_hdf5_file(tmp_path / "none" / "a.h5", tmp_path / "given.h5", 4096, lambda file: None)
     assert "\n" not in str(error.value)
+
+
+def test_what_is_in_its_place_while_it_is_made_is_removed_and_not_followed(tmp_path):
+    precious = tmp_path / "precious.txt"
+    precious.write_text("years of work")
+    (tmp_path / ".a.h5.partial").symlink_to(precious)
+    new_hdf5_file(tmp_path / "a.h5", tmp_path / "a.h5", 4096, lambda file: None).close()
+    assert precious.read_text() == "years of work"
+    assert sorted(one.name for one in tmp_path.iterdir()) == ["a.h5", "precious.txt"]

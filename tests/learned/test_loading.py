@@ -1,8 +1,10 @@
 import pytest
 
 from surfsup.errors import InputError
-from surfsup.learned.loading import load_simulator, simulator_names
+from surfsup.learned.loading import load_simulator
 from surfsup.learned.message_passing.surfsup import Surfsup
+from surfsup.learned.simulator_names import simulator_names
+from surfsup.sph.long_step_solver import LongStepSolver
 from surfsup.sph.solver import DfsphSolver
 
 
@@ -13,11 +15,17 @@ def test_the_default_is_the_solver_which_has_no_weights():
     assert simulator_names()[0] == "dfsph"
 
 
+def test_long_steps_are_a_solver_too():
+    simulator, card = load_simulator("dfsph-fast")
+    assert isinstance(simulator, LongStepSolver)
+    assert card is None
+
+
 def test_shipped_weights_load_by_their_names():
     simulator, card = load_simulator("surfsup")
     assert isinstance(simulator, Surfsup)
     assert card.name == "surfsup"
-    assert set(simulator_names()) == {"dfsph", "surfsup", "gns", "value-only", "no-sdf"}
+    assert set(simulator_names()) == {"dfsph", "dfsph-fast", "surfsup", "gns", "value-only", "no-sdf"}
 
 
 @pytest.mark.parametrize(("name", "meant"), [("dfshp", "dfsph"), ("surfsop", "surfsup")])

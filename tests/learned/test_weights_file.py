@@ -10,6 +10,7 @@ from surfsup.errors import InputError
 from surfsup.learned import weights_file
 from surfsup.learned.message_passing.architecture import MessagePassingArchitecture
 from surfsup.learned.message_passing.no_sdf import NoSdf
+from surfsup.learned.simulator_names import shipped
 
 ARCHITECTURE = MessagePassingArchitecture(width=8, layers=3, radius=0.05)
 
@@ -166,6 +167,6 @@ def test_a_model_is_found_by_its_name_or_by_its_file(path, monkeypatch):
 
 
 def test_all_shipped_weights_load():
-    for name, path in weights_file.shipped().items():
+    for name, path in shipped().items():
         _, card = weights_file.load(path)
         assert card.about, name

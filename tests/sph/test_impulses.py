@@ -183,11 +183,6 @@ def test_frames_between_steps_have_the_mean_force_since_the_frame_before():
 def test_simulators_without_forces_refuse():
     with pytest.raises(InputError, match="computes no forces on solids; use the simulator dfsph"):
         sf.Simulation(scene(SOLIDS + WATER % -2), "surfsup")
-    solver = DfsphSolver()
-    solver.native = None
-    simulation = sf.Simulation(scene(SOLIDS + WATER % -2), solver)
-    with pytest.raises(InputError, match="computed by the C\\+\\+ code only"):
-        simulation.step()
 
 
 def test_a_part_of_a_frame_has_its_own_parameters():

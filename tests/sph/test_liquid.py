@@ -1,6 +1,5 @@
 import copy
 import pickle
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -238,15 +237,7 @@ def test_a_denser_liquid_has_less_tension_for_its_mass():
     assert light.adhesion == pytest.approx(4 * dense.adhesion)
 
 
-def test_double_precision_and_learned_simulators_refuse_a_liquid():
-    environment = environment_of(Liquid(viscosity=1.0))
-    state = disordered(2)
-    double = ParticleState(state.positions.double(), state.velocities.double())
-    wide = replace(
-        environment, lower=environment.lower.double(), upper=environment.upper.double(), gravity=torch.zeros(3).double()
-    )
-    with pytest.raises(InputError, match=r"liquids run in the C\+\+ code only"):
-        DfsphSolver().step(double, wide)
+def test_learned_simulators_refuse_a_liquid():
     scene = Scene(fluid=[{"block": {"min": (0, 0, 1), "max": (0.2, 0.2, 1.2)}}], liquid="honey")
     with pytest.raises(InputError, match="knows no liquid but water as the solver has it; use the simulator dfsph"):
         Simulation(scene, simulator="surfsup")

@@ -150,11 +150,11 @@ def test_a_state_that_does_not_know_its_liquids_is_refused():
     assert len(known.rows(torch.tensor([1])).liquids) == 1
 
 
-def test_warp_does_not_know_liquids():
+def test_warp_does_not_know_several_liquids():
     environment = Environment.of(Scene(container=BOX, fluid=[block(0.05, 0.15, OIL), block(0.15, 0.25, None)]), None)
     positions = torch.tensor([[0.0, 0.0, 0.2], [0.0, 0.0, 0.23]], requires_grad=True)
     state = mixture_state(ParticleState(positions, torch.zeros(2, 3)), np.array([0, 1]))
-    with pytest.raises(InputError, match=r"^liquids run in the C\+\+ code only"):
+    with pytest.raises(InputError, match=r"^several liquids run in the C\+\+ code only"):
         DfsphSolver().step(state, environment)
 
 

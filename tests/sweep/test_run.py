@@ -12,7 +12,7 @@ from PIL import Image
 from surfsup import Block, InputError, Scene, Trajectory
 from surfsup.datasets.folder import lock_folder
 from surfsup.sweep import sweep
-from surfsup.sweep.contact_sheet import SIZE, write_contact_sheet
+from surfsup.sweep.contact_sheet import SIZE, distinct_moment, write_contact_sheet
 from tests.dask_cluster import cluster  # noqa: F401
 
 DROP = Scene(fluid=[Block((-0.1, -0.1, 0.5), (0.1, 0.1, 0.7))], frames=5)
@@ -120,3 +120,15 @@ def test_the_contact_sheet_has_a_picture_of_every_case(tmp_path):
     image = np.asarray(Image.open(sheet))
     assert image.shape == (SIZE[1], 2 * SIZE[0], 3)
     assert image.std() > 10
+
+
+@pytest.mark.parametrize(("heights", "moment"), [([0.1, 0.12], 1.0), ([0.1, 0.46], 0.5), ([0.01, 0.02], 1.0)])
+def test_the_contact_sheet_shows_a_time_at_which_the_cases_differ(tmp_path, heights, moment):
+    """Water falls from 0.5 m on boxes, which it reaches after 0.28 s or at once; the last ones it does not reach."""
+    scene = Scene.from_yaml(
+        "surface: {box: {size: [0.3, 0.3, 0.1]}, at: [0, 0, 0]}\n"
+        "fluid: [{block: {min: [-0.1, -0.1, 0.5], max: [0.1, 0.1, 0.7]}}]\nframes: 61",
+        "test",
+    )
+    done = sweep({"drop": scene}, {"surface.at.2": [height - 0.05 for height in heights]}, tmp_path)
+    assert distinct_moment(tmp_path, done.finished) == moment

@@ -4,7 +4,7 @@ import torch
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
 from surfsup.datasets.windows import Windows
-from surfsup.evaluation.load_trajectories import trajectory_files
+from surfsup.io.trajectory_path import trajectory_files
 from surfsup.training import tensorboard as module
 from surfsup.training.rollout_picture import draw_rollout
 from surfsup.training.run import TrainingRun
@@ -58,7 +58,7 @@ def test_a_diverged_rollout_is_drawn_without_particles(data):
     model = TrainingRun(config(), data).model.requires_grad_(False)
     for weight in model.parameters():
         weight.fill_(torch.nan)
-    picture = draw_rollout(model, trajectory_files(data, 1)[0], 4)
+    picture = draw_rollout(model, trajectory_files(data)[0], 4)
     assert picture.shape == (2 * 360, 3 * 480, 3)
 
 

@@ -6,7 +6,8 @@ import sys
 import numpy as np
 import pytest
 
-from surfsup.io.trajectory import Provenance, TrajectoryWriter
+from surfsup.io.trajectory_format import Provenance
+from surfsup.io.trajectory_writer import TrajectoryWriter
 from surfsup.scene import Scene
 from surfsup.viewing.trajectory_page import write_trajectory_page
 

@@ -9,14 +9,21 @@ import typer
 
 from surfsup.cli.options import Near
 from surfsup.cli.progress import progress_bar
+from surfsup.io.trajectory_path import existing_trajectory
 
 
 def compare(
     prediction: Annotated[
-        Path, typer.Argument(metavar="TRAJECTORY", help="The trajectory to evaluate, or its folder.")
+        Path,
+        typer.Argument(
+            metavar="TRAJECTORY", help="The trajectory to evaluate, or its folder.", callback=existing_trajectory
+        ),
     ],
     reference: Annotated[
-        Path, typer.Argument(metavar="REFERENCE", help="The reference, of the same scene, or its folder.")
+        Path,
+        typer.Argument(
+            metavar="REFERENCE", help="The reference, of the same scene, or its folder.", callback=existing_trajectory
+        ),
     ],
     out: Annotated[Path | None, typer.Option("-o", "--out", help="A JSON file for the numbers and curves.")] = None,
     near: Near = None,

@@ -34,6 +34,8 @@ def convert(
 
     Example: surfsup convert DamBreakModelDragons.json -o dragons.yaml
     """
+    if not scene.exists():
+        raise InputError(f"{scene}: does not exist; check the path")
     from surfsup.scene import Scene
     from surfsup.scene.assembly import GLTF, write_assembly
     from surfsup.splishsplash.scene_export import export_scene
@@ -41,8 +43,6 @@ def convert(
 
     kinds = scene.suffix.lower(), out.suffix.lower()
     yaml = (".yaml", ".yml")
-    if not scene.exists():
-        raise InputError(f"{scene}: does not exist; check the path")
     if (scene.is_dir() or kinds[0] in GLTF) and kinds[1] in yaml:
         parts = write_assembly(scene, out, None if no_fit else positive_length(fit), up)
         typer.echo(f"solids {', '.join(parts)}")

@@ -12,6 +12,8 @@ from surfsup.cli.locks import hold_lock
 from surfsup.cli.options import Device, Near, NoCollisions, NoVideos
 from surfsup.cli.progress import progress_bar
 from surfsup.cli.status import after_interrupt
+from surfsup.io.trajectory_path import trajectory_files
+from surfsup.learned.simulator_names import require_simulator
 
 
 def evaluate(
@@ -38,6 +40,9 @@ def evaluate(
 
     Example: surfsup evaluate dfsph data/test -o out/report
     """
+    require_simulator(simulator_name)
+    for folder in data:
+        trajectory_files(folder)
     from surfsup.evaluation import report
     from surfsup.evaluation.domain_warnings import domain_warnings
     from surfsup.evaluation.evaluate import evaluate as evaluate_simulator

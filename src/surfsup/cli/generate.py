@@ -10,6 +10,8 @@ import typer
 from surfsup.cli.options import Scheduler, Seed, Workers
 from surfsup.cli.progress import progress_bar
 from surfsup.cli.status import after_interrupt
+from surfsup.errors import InputError, did_you_mean
+from surfsup.io.trajectory_path import trajectory_files
 
 # Their modules are slow to import; a test compares the names.
 RECIPE_NAMES = (
@@ -55,6 +57,11 @@ def generate(
 
     Example: surfsup generate prim-shapes -o data/train -n 60 --seed 1
     """
+    if recipe not in RECIPE_NAMES:
+        hint = did_you_mean(recipe, RECIPE_NAMES)
+        raise InputError(f"there is no recipe '{recipe}'{hint}; known are {', '.join(RECIPE_NAMES)}")
+    if source is not None and not source.exists():
+        raise InputError(f"--source {source}: does not exist")
     from surfsup.datasets.generation.generate import generate as generate_data_set
 
     kept = f"the finished scenes are kept in {out}; the same command adds the others"
@@ -74,6 +81,7 @@ def floor(
 
     Example: surfsup floor data/test
     """
+    trajectory_files(data)
     from surfsup.datasets.generation.floor import simulate_floor
 
     kept = f"the finished repeats are kept in {data / 'floor'}; the same command adds the others"

@@ -20,6 +20,7 @@ def live(
 
     Example: surfsup live examples/knot.obj
     """
+    scene_options.check()
     from surfsup.live.serve import LiveServer, require_port, require_viser
 
     require_viser()

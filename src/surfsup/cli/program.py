@@ -29,6 +29,7 @@ from surfsup.cli.export import export
 from surfsup.cli.fit import fit
 from surfsup.cli.forces import forces
 from surfsup.cli.generate import floor, generate
+from surfsup.cli.late_interrupts import interrupt_once_more
 from surfsup.cli.live import live
 from surfsup.cli.locks import held_locks
 from surfsup.cli.missing import missing_parameters
@@ -79,6 +80,7 @@ def main() -> None:
         sys.exit(0)
     collect_less_garbage()
     warnings.showwarning = one_line_warnings()
+    sys.unraisablehook = interrupt_once_more
     report_activities(activity_lines)
     try:
         with held_locks:

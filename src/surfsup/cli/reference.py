@@ -24,6 +24,7 @@ def reference(
 
     Example: surfsup reference bunny.obj -o out/bunny-reference
     """
+    scene_options.check()
     from surfsup.io.output_folder import OutputFrame
     from surfsup.io.trajectory_format import Provenance
     from surfsup.scene.solids import build_solids

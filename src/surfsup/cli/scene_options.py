@@ -69,24 +69,44 @@ class SceneOptions:
     ] = None
     shape: Annotated[str | None, typer.Option(help="Name of the shape in a DeepSDF with several.")] = None
 
+    def check(self) -> None:
+        """Look for what is wrong that can be seen without the libraries, which take two seconds to load.
+
+        Raises:
+            InputError: there is no such file, a scene file is none as a whole, or an option does not apply.
+        """
+        if self.source.suffix.lower() in SCENE_SUFFIXES:
+            from surfsup.scene.scene_file import check_scene_file
+
+            options = [field for field in fields(self) if field.name not in FOR_SCENE_FILES]
+            given = [option.name for option in options if getattr(self, option.name) != option.default]
+            if given:
+                option = f"--{given[0].replace('_', '-')}"
+                raise InputError(f"{self.source}: a scene file places everything itself; omit {option}")
+            check_scene_file(self.source)
+            return
+        from surfsup.sdf.neural.shipped_surfaces import require_surface
+
+        if (self.block_min is None) != (self.block_max is None):
+            one, other, example = ("min", "max", "0.2 0.2 1.4") if self.block_min else ("max", "min", "-0.2 -0.2 1")
+            raise InputError(
+                f"--block-{one} is one corner of the block of water; give the opposite one, too, as in "
+                f"--block-{other} {example}"
+            )
+        require_surface(self.source)
+
     def read(self) -> Scene:
         """Read the scene file, or build the scene of water on the surface and print how the surface is placed.
 
         Raises:
             InputError: a file is unusable, or an option does not apply.
         """
+        self.check()
         from surfsup.scene import PARTICLE_RADIUS, Block, Container, Scene
         from surfsup.scene.from_surface import DEFAULT_FIT, Placement, scene_from_surface
 
         if self.source.suffix.lower() in SCENE_SUFFIXES:
-            options = [field for field in fields(self) if field.name not in FOR_SCENE_FILES]
-            given = [option.name for option in options if getattr(self, option.name) != option.default]
-            if given:
-                option = f"--{given[0].replace('_', '-')}"
-                raise InputError(f"{self.source}: a scene file places everything itself; omit {option}")
             return self._with_changes(Scene.load(self.source))
-        if (self.block_min is None) != (self.block_max is None):
-            raise InputError("give both --block-min and --block-max, or neither")
         block = Block(self.block_min, self.block_max) if self.block_min and self.block_max else None
         container = Container(size=self.container) if self.container else Container()
         fit = DEFAULT_FIT if self.fit is None else self.fit
@@ -113,7 +133,7 @@ class SceneOptions:
             yield from frames
 
     def _with_changes(self, scene: Scene) -> Scene:
-        from surfsup.io.trajectory import trajectory_path
+        from surfsup.io.trajectory_path import trajectory_path
 
         return scene.with_changes(
             particle_radius=self.particle_radius,

@@ -13,9 +13,10 @@ from surfsup.cli.options import Device, NoCollisions, SimulatorName
 from surfsup.cli.output_options import OutputOptions
 from surfsup.cli.progress import progress_bar
 from surfsup.cli.scene_options import SceneOptions
+from surfsup.learned.simulator_names import require_simulator
 
 if TYPE_CHECKING:
-    from surfsup.io.output_folder import OutputFrame
+    from surfsup.io.output_folder import OutputFrame, Summary
     from surfsup.scene import Scene
 
 
@@ -23,6 +24,9 @@ def simulate(
     scene_options: SceneOptions,
     output: OutputOptions,
     simulator_name: SimulatorName = "dfsph",
+    fast: Annotated[
+        bool, typer.Option("--fast", help="Long steps: 2.5 times as fast, somewhat less accurate.")
+    ] = False,
     device: Device = None,
     no_collisions: NoCollisions = False,
     resume: Annotated[
@@ -33,13 +37,21 @@ def simulate(
 
     Example: surfsup simulate bunny.obj -o out/bunny
     """
+    scene_options.check()
+    require_simulator(simulator_name)
     from surfsup.continuation import Continuation
+    from surfsup.errors import InputError
     from surfsup.io.trajectory_format import Provenance
     from surfsup.learned.loading import load_simulator
+    from surfsup.learned.simulator_names import DEFAULT_SIMULATOR, FAST_SIMULATOR
     from surfsup.simulation import Simulation
     from surfsup.sph.device import choose_device
 
     began = time.perf_counter()
+    if fast:
+        if simulator_name not in (DEFAULT_SIMULATOR, FAST_SIMULATOR):
+            raise InputError(f"--fast is for the solver; omit it, or --simulator {simulator_name}")
+        simulator_name = FAST_SIMULATOR
     simulator, card = load_simulator(simulator_name)
     name = card.name if card else simulator_name
     scene = scene_options.read()
@@ -66,3 +78,20 @@ def simulate(
         named = scene_options.named_while(frames)
         summary = folder.record(scene, solids, named, Provenance(name), device, bar, began, crossings)
     output.finish(folder, summary, simulation.particles.excluded)
+    if not no_collisions:
+        warn_of_misplaced(summary)
+
+
+def warn_of_misplaced(summary: Summary) -> None:
+    """Warn of particles where collision handling lets none be: a moving solid may press them against a wall."""
+    places = {
+        "in a solid": summary.penetrations,
+        "out of the container": summary.out_of_container,
+        "on the other side of a solid": summary.crossings or 0,
+    }
+    if found := ", ".join(f"{count} times {place}" for place, count in places.items() if count):
+        warnings.warn(
+            f"a particle was {found} at the end of a frame; a solid that moves or overlaps another leaves it no room "
+            "there, so give it a way out",
+            stacklevel=1,
+        )

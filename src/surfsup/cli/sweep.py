@@ -9,8 +9,10 @@ import typer
 
 from surfsup.cli.options import Scheduler, SimulatorName, Workers
 from surfsup.cli.progress import progress_bar
+from surfsup.cli.scene_options import SceneOptions
 from surfsup.cli.status import FAULT, after_interrupt
 from surfsup.errors import InputError
+from surfsup.learned.simulator_names import require_simulator
 
 if TYPE_CHECKING:
     from surfsup.scene import Scene
@@ -40,6 +42,9 @@ def sweep(
 
     Example: surfsup sweep scene.yaml --vary gravity.2=-9.81:-1.62:4 --vary particle_radius=0.01,0.015 -o out/gravity
     """
+    for path in scenes:
+        SceneOptions(path).check()
+    require_simulator(simulator)
     from surfsup.sweep.run import sweep as run_sweep
     from surfsup.sweep.variation import Variation
     from surfsup.viewing.graphics import require_graphics

@@ -11,10 +11,12 @@ from surfsup.cli.locks import hold_lock
 from surfsup.cli.options import Device, Overrides, Resume, Scheduler, Threads, TimeLimit, Workers, stop_after
 from surfsup.cli.progress import progress_bar
 from surfsup.cli.status import RESUMABLE
-from surfsup.errors import InputError, Interrupted
+from surfsup.errors import InputError, Interrupted, did_you_mean
+from surfsup.io.trajectory_path import trajectory_files
 
 if TYPE_CHECKING:
     from surfsup.datasets.windows import WindowSource
+    from surfsup.training.run import TrainingRun
 
 
 PRESET_NAMES = (
@@ -51,10 +53,19 @@ def train(
 ) -> None:
     """Train a learned simulator.
 
-    It learns from folders of trajectories, or from a stream of new ones.
+    It learns from folders of trajectories, or from a stream of new ones. The first weights of surfsup come after 5,000
+    steps, some 15 minutes of a quiet core; useful ones take hours (docs/training.md, "How long").
 
     Example: surfsup train surfsup --data data/train --validation data/validation -o runs/surfsup --time 1h
     """
+    if preset not in PRESET_NAMES and not Path(preset).is_file():
+        hint = did_you_mean(preset, PRESET_NAMES)
+        raise InputError(f"there is no training preset or file '{preset}'{hint}; presets are {', '.join(PRESET_NAMES)}")
+    if bool(data) == (stream is not None):
+        raise InputError("train on either --data DIR or --stream RECIPE")
+    for folder in (*(data or []), validation):
+        if not folder.exists():
+            trajectory_files(folder)
     from contextlib import ExitStack
 
     import torch
@@ -69,8 +80,6 @@ def train(
     from surfsup.training.tensorboard import open_log
     from surfsup.training.train import train as run_training
 
-    if bool(data) == (stream is not None):
-        raise InputError("train on either --data DIR or --stream RECIPE")
     if data and (workers or scheduler):
         raise InputError("--workers and --scheduler apply to --stream only")
     torch.set_num_threads(threads)
@@ -107,6 +116,29 @@ def train(
         raise Interrupted(RESUMABLE)
     if not run.is_main_process:
         return
-    best = out / "best.safetensors"
-    result = f"best weights in {best}" if best.exists() else "no weights validated yet; continue with --resume"
-    typer.echo(f"{run.step} of {config.steps} steps done; {result}")
+    typer.echo(f"{run.step} of {config.steps} steps done; {result_of(run)}")
+
+
+def result_of(run: TrainingRun) -> str:
+    """Where the weights are, or when there will be some."""
+    best = run.folder / "best.safetensors"
+    if best.exists():
+        return f"best weights in {best}"
+    every = min(run.config.validate_every, run.config.steps)
+    when = f" (at this rate after {duration(every * run.seconds / run.step)})" if run.step else ""
+    return (
+        f"too few for weights, which the first validation after {every} steps writes{when}; "
+        f"continue with --resume and more --time"
+    )
+
+
+def duration(seconds: float) -> str:
+    """A time in a unit that suits it.
+
+    Examples:
+        >>> duration(50), duration(950), duration(9000)
+        ('50 s', '16 minutes', '2.5 hours')
+    """
+    if seconds < 120:
+        return f"{seconds:.0f} s"
+    return f"{seconds / 60:.0f} minutes" if seconds < 7200 else f"{seconds / 3600:.1f} hours"

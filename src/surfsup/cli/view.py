@@ -9,21 +9,15 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from surfsup.cli.progress import progress_bar
+from surfsup.io.trajectory_path import existing_trajectory
 
 if TYPE_CHECKING:
     from surfsup.viewing.camera import ViewDirection
 
 
-def trajectory_file(path: Path) -> Path:
-    """The trajectory file of an argument, which may be the folder of a simulation."""
-    from surfsup.io.trajectory import trajectory_path
-
-    return trajectory_path(path)
-
-
 TrajectoryFile = Annotated[
     Path,
-    typer.Argument(metavar="TRAJECTORY", help="A trajectory.h5, or the folder with one.", callback=trajectory_file),
+    typer.Argument(metavar="TRAJECTORY", help="A trajectory.h5, or the folder with one.", callback=existing_trajectory),
 ]
 
 

@@ -15,6 +15,7 @@ from torch import Tensor
 from surfsup.datasets.units import check_units
 from surfsup.errors import InputError
 from surfsup.io.trajectory import Trajectory, TrajectoryFrames
+from surfsup.io.trajectory_path import trajectory_files
 from surfsup.learned.message_passing.history import History
 from surfsup.scene import FRAME_TIME, Scene
 from surfsup.sph.environment import Environment
@@ -108,10 +109,7 @@ class Windows:
         """
         self.paths: list[Path] = []
         for folder in folders:
-            found = sorted(folder.glob("*.h5"))
-            if not found:
-                raise InputError(f"{folder}: has no trajectories (*.h5); make some with 'surfsup generate'")
-            self.paths += found
+            self.paths += trajectory_files(folder)
         self._scenes: list[Scene] = []
         self._environments: list[Environment] = []
         for path in self.paths:

@@ -12,6 +12,7 @@ from surfsup.datasets.units import UnitMismatchError, check_same_units, check_si
 from surfsup.errors import InputError
 from surfsup.evaluation.floor import floor_files
 from surfsup.io.trajectory import Trajectory
+from surfsup.io.trajectory_path import trajectory_files
 from surfsup.scene import Scene
 from surfsup.scene.liquid import Liquid
 from surfsup.scene.taps import Tap
@@ -75,21 +76,8 @@ def find_data_sets(folders: Sequence[Path], first: int | None = None) -> list[Da
     sets = []
     for given, folder in zip(folders, resolved, strict=True):
         name = "-".join(part.strip("/") for part in folder.parts[-parts:])
-        sets.append(DataSet(name, given, trajectory_files(given, first)))
+        sets.append(DataSet(name, given, trajectory_files(given)[:first]))
     return sets
-
-
-def trajectory_files(folder: Path, first: int | None = None) -> list[Path]:
-    """The trajectory files of ``folder``, sorted by name: at most ``first`` of them.
-
-    Raises:
-        InputError: there is none.
-    """
-    paths = sorted(folder.glob("*.h5"))
-    if not paths:
-        missing = "has no trajectories (*.h5) to evaluate on" if folder.exists() else "there is no such folder"
-        raise InputError(f"{folder}: {missing}; make one, as in: surfsup generate prim-shapes -n 5 -o {folder}")
-    return paths[:first]
 
 
 def load_references(

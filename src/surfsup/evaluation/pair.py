@@ -13,7 +13,8 @@ from surfsup.evaluation.floor import FLOOR_HINT
 from surfsup.evaluation.load_trajectories import SkippedFile, load_floors, scene_difference
 from surfsup.evaluation.report import Json, definitions, evaluation_entry
 from surfsup.evaluation.table import trajectory_text
-from surfsup.io.trajectory import Trajectory, trajectory_path
+from surfsup.io.trajectory import Trajectory
+from surfsup.io.trajectory_path import trajectory_path
 from surfsup.scene import NEAR_SURFACE_DISTANCE
 
 

@@ -13,11 +13,11 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from surfsup.evaluation.load_trajectories import trajectory_files
 from surfsup.evaluation.metrics import UNDEFINED_CHAMFER, center_height, chamfer, kinetic_energy
 from surfsup.evaluation.rollout import environment_of, roll_out
 from surfsup.evaluation.scores import energy_ratio
 from surfsup.io.trajectory import Trajectory
+from surfsup.io.trajectory_path import trajectory_files
 from surfsup.sph.simulator import Simulator
 
 
@@ -116,7 +116,7 @@ def score_rollouts(
     Raises:
         InputError: the folder has no trajectories.
     """
-    for path in trajectory_files(folder, scenes):
+    for path in trajectory_files(folder)[:scenes]:
         with Trajectory(path) as reference:
             yield score_rollout(simulator, reference, frames, 5, device, handle_collisions)
 

@@ -18,7 +18,7 @@ from surfsup.optim.checkpoint import CheckpointFiles, with_prefix, without_prefi
 from surfsup.optim.config import Count, Decay, NonNegative, NonNegativeInt, OptimizationConfig, Positive
 from surfsup.optim.loop import Progress, optimize
 from surfsup.optim.run import Diverged, Model, Run
-from surfsup.sdf.neural.surface_file import SUFFIX
+from surfsup.sdf.neural.shipped_surfaces import SUFFIX
 
 RUNAWAY_RATIO = 8.0  # a smoothed loss this many times its minimum has diverged
 ERROR_RATIO = 3.0  # so has an error this many times the least

@@ -9,7 +9,8 @@ from pathlib import Path
 import h5py
 
 from surfsup.errors import InputError
-from surfsup.io.trajectory import Trajectory, trajectory_path
+from surfsup.io.trajectory import Trajectory
+from surfsup.io.trajectory_path import trajectory_path
 
 BEYOND_ALL_FILES = 1 << 50
 MAX_SHRINKING = 1e5  # bytes of the values over those of a file: compressed 1,000 times, and cut to a hundredth

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import errno
 import fcntl
 import os
+import stat
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -41,21 +43,36 @@ def take_lock(folder: Path) -> IO[str]:
     """The lock file of ``folder``, open and locked.
 
     Raises:
-        InputError: another run holds the lock, or the file cannot be written.
+        InputError: another run holds the lock, or the file cannot be written. It may be no link: what a lock holds is
+            replaced, and in a stranger's folder a link may lead to a file of the user's.
     """
     path = folder / LOCK
     while True:
         try:
-            lock = path.open("a+")
+            lock = open_plain_file(path)
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
             lock.close()
             raise InputError(f"{folder}: another run is writing into it; wait for it or stop it") from None
         except OSError as error:
-            raise InputError(f"{folder}: cannot be locked ({error.strerror}); take another folder") from None
+            reason = "its file .lock is a link" if error.errno == errno.ELOOP else error.strerror
+            raise InputError(f"{folder}: cannot be locked ({reason}); take another folder") from None
         if is_same_file(lock, path):
             return lock
         lock.close()  # the run that held it has ended and removed it meanwhile
+
+
+def open_plain_file(path: Path) -> IO[str]:
+    """Open ``path`` for reading and writing; it may be new.
+
+    Raises:
+        OSError: it is a link, a pipe or a device, or cannot be opened.
+    """
+    descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_NONBLOCK, 0o666)
+    if not stat.S_ISREG(os.fstat(descriptor).st_mode):
+        os.close(descriptor)
+        raise FileExistsError(errno.EEXIST, f"its file {path.name} is no plain file")
+    return os.fdopen(descriptor, "r+")
 
 
 def is_same_file(file: IO[str], path: Path) -> bool:

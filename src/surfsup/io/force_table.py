@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from surfsup.errors import InputError
+from surfsup.io.atomic_file import atomic_file
 from surfsup.io.trajectory import Trajectory
 
 COLUMNS = ("time_s", "solid", "force_x_N", "force_y_N", "force_z_N", "torque_x_Nm", "torque_y_Nm", "torque_z_Nm")
@@ -40,7 +41,7 @@ def write_force_table(trajectory: Trajectory, names: Sequence[str], path: Path) 
         InputError: the file cannot be written.
     """
     try:
-        with path.open("w", newline="", encoding="utf-8") as file:
+        with atomic_file(path) as partial, partial.open("w", newline="", encoding="utf-8") as file:
             writer = csv.writer(file)
             writer.writerow(COLUMNS)
             for frame in range(len(trajectory)):

@@ -29,6 +29,7 @@ def new_hdf5_file(path: Path, name: Path, size: int, write_head: Callable[[h5py.
     # off first.
     partial = path if os.name == "nt" else path.with_name(f".{path.name}.partial")
     try:
+        partial.unlink(missing_ok=True)  # of a run that was killed, or a link to another file
         file = h5py.File(partial, "w")
     except OSError as error:
         reason = os.strerror(error.errno) if error.errno else single_line(error)

@@ -18,18 +18,13 @@ from surfsup.checked.tensors import finite_number
 from surfsup.errors import InputError, single_line
 from surfsup.io.frame_chunks import DAMAGED, read_chunks
 from surfsup.io.trajectory_format import FORCES, GROUP, LIFETIMES, POSES, TORQUES, Provenance
+from surfsup.io.trajectory_path import existing_trajectory
 from surfsup.scene import Scene
 from surfsup.scene.particle_file import LIQUIDS, read_liquids
 from surfsup.scene.restarted_bodies import BODIES
 
 MAX_TIME = 1e7  # seconds, of a frame and of the start
 UNREADABLE = (OSError, RuntimeError, KeyError, TypeError, ValueError)  # that h5py raises for files that are damaged
-
-
-def trajectory_path(path: str | Path) -> Path:
-    """The trajectory file of ``path``: itself, or the ``trajectory.h5`` in it if it is a folder with one."""
-    inside = Path(path) / "trajectory.h5"
-    return inside if inside.is_file() else Path(path)
 
 
 class TrajectoryFrames:
@@ -54,10 +49,7 @@ class TrajectoryFrames:
         Raises:
             InputError: the file is missing, is not HDF5, or is not a trajectory.
         """
-        self.path = path = trajectory_path(path)
-        if not path.is_file():
-            missing = "has no trajectory.h5" if path.is_dir() else "there is no such trajectory file"
-            raise InputError(f"{path}: {missing}")
+        self.path = path = existing_trajectory(path)
         try:
             self._file = self._open(path)
         except OSError as error:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from dataclasses import asdict, dataclass
-from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +16,7 @@ from surfsup.errors import InputError
 from surfsup.learned.base import Architecture, LearnedSimulator
 from surfsup.learned.message_passing.simulator import MessagePassingSimulator
 from surfsup.learned.registry import LEARNED_SIMULATORS
+from surfsup.learned.simulator_names import shipped
 from surfsup.learned.training_domain import TrainingDomain
 
 FORMAT = "surfsup-simulator-6"
@@ -142,12 +142,6 @@ def check_sizes(architecture: Architecture, tensors: dict[str, Tensor]) -> None:
         raise ValueError(f"width is {architecture.width!r}")
     if not isinstance(architecture.layers, int) or not 0 < architecture.layers <= len(tensors):
         raise ValueError(f"layers is {architecture.layers!r}")
-
-
-def shipped() -> dict[str, Path]:
-    """The models that come with the package, by name."""
-    folder = Path(str(files("surfsup.learned") / "weights"))
-    return {path.stem: path for path in sorted(folder.glob("*.safetensors"))}
 
 
 def find(name: str) -> Path:

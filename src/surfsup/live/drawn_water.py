@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from surfsup.errors import SimulationError
 from surfsup.scene import Scene
 from surfsup.scene.liquid import Liquid
 from surfsup.simulation_state import Frame
@@ -21,11 +24,16 @@ PALETTE = np.array([(45, 120, 200), (80, 175, 230), (240, 249, 253)], np.float32
 POINT = 1.2  # particle radii; of a disc, which viser draws with twice this as its diameter
 FAST_SPEED = 3.0  # m/s, with particles of 15 mm
 WATER_COLOR = (60, 150, 215)
-COARSE_SURFACE = Reconstruction(cube_size=1.1, mesh_smoothing=8, normal_smoothing=3)
+COARSE_SURFACE = Reconstruction(cube_size=1.4, mesh_smoothing=8, normal_smoothing=0)  # viser has its own normals
+
+Triangles = tuple[np.ndarray, np.ndarray]  # vertices (V, 3) and corners (T, 3)
 
 
 class DrawnWater:
     """What a page shows of the liquids of a scene.
+
+    A surface takes longer than several steps, so a thread makes it while the water runs on, and the next one is of the
+    newest frame.
 
     Args:
         server: of viser.
@@ -33,15 +41,37 @@ class DrawnWater:
     """
 
     def __init__(self, server: viser.ViserServer, scene: Scene) -> None:
+        self._thread = ThreadPoolExecutor(1)
+        self._making: Future[dict[str, Triangles]] | None = None
+        self._waiting: tuple[Frame, float] | None = None
         self._scene, self._shapes = server.scene, dict[str, Any]()
         self._colors = [colors_of(liquid) for liquid in scene.mixture or [scene.liquid]]
 
-    def show(self, frame: Frame, style: str, radius: float) -> None:
-        """Draw the water of a frame as PARTICLES or SURFACE."""
+    def show(self, frame: Frame, style: str, radius: float) -> bool:
+        """Draw the water of a frame as PARTICLES, or as SURFACE as soon as that is made; returns whether it drew."""
         if style == PARTICLES:
+            self._waiting = self._making = None
             self._show_particles(frame, radius)
-        else:
-            self._show_surfaces(frame, radius)
+            return True
+        self._waiting = (frame, radius)
+        return self.update()
+
+    def update(self) -> bool:
+        """Draw a surface that was made meanwhile, and begin with the newest one; returns whether one was drawn."""
+        drawn = self._making is not None and self._making.done()
+        if self._making is not None and drawn:
+            with suppress(SimulationError):  # there is none around these particles; the next one will do
+                self._show_surfaces(self._making.result())
+            self._making = None
+        if self._making is None and self._waiting is not None:
+            self._making = self._thread.submit(self._surfaces, *self._waiting)
+            self._waiting = None
+        return drawn
+
+    @property
+    def is_up_to_date(self) -> bool:
+        """Whether no surface is being made or waits for it."""
+        return self._making is None and self._waiting is None
 
     def _show_particles(self, frame: Frame, radius: float) -> None:
         self._remove_all_but({PARTICLES})
@@ -59,20 +89,29 @@ class DrawnWater:
         points.points, points.colors = frame.positions, colors
         points.point_size = POINT * radius
 
-    def _show_surfaces(self, frame: Frame, radius: float) -> None:
+    def _surfaces(self, frame: Frame, radius: float) -> dict[str, Triangles]:
+        """The surfaces of the liquids that have particles, by the names of their shapes."""
         import pysplashsurf
 
-        parts = {f"{SURFACE}-{number}": frame.positions[self._of(frame, number)] for number in range(len(self._colors))}
-        parts = {name: positions for name, positions in parts.items() if len(positions)}
-        self._remove_all_but(set(parts))
-        for name, positions in parts.items():
-            mesh = COARSE_SURFACE.mesh(positions, radius).mesh
-            assert isinstance(mesh, pysplashsurf.TriMesh3d)  # quads are not requested
+        made = {}
+        for number in range(len(self._colors)):
+            positions = frame.positions[self._of(frame, number)]
+            if len(positions):
+                mesh = COARSE_SURFACE.mesh(positions, radius).mesh
+                assert isinstance(mesh, pysplashsurf.TriMesh3d)  # quads are not requested
+                made[f"{SURFACE}-{number}"] = (
+                    np.asarray(mesh.vertices, np.float32),
+                    np.asarray(mesh.triangles, np.uint32),
+                )
+        return made
+
+    def _show_surfaces(self, surfaces: dict[str, Triangles]) -> None:
+        self._remove_all_but(set(surfaces))
+        for name, (vertices, triangles) in surfaces.items():
             _, color = self._colors[int(name.rpartition("-")[2])]
             self._shapes[name] = self._scene.add_mesh_simple(
-                name, np.asarray(mesh.vertices, np.float32), np.asarray(mesh.triangles, np.uint32),
-                color=color, opacity=0.75, cast_shadow=False,
-            )  # fmt: skip
+                name, vertices, triangles, color=color, opacity=0.75, cast_shadow=False
+            )
 
     def _of(self, frame: Frame, number: int) -> np.ndarray | slice:
         """The particles of a liquid."""

@@ -88,14 +88,19 @@ class LivePage:
         view.position, view.look_at = tuple(camera.eye), tuple(camera.target)
         view.fov = float(np.radians(FIELD_OF_VIEW))
 
-    def show(self, frame: Frame, world: LiveWorld) -> None:
-        """Draw the water and the solids of a frame."""
+    def show(self, frame: Frame, world: LiveWorld) -> bool:
+        """Draw the water and the solids of a frame; returns whether water, or an earlier surface, was drawn."""
         with self._server.atomic():
             for name, pose in frame.poses.items():
                 if name in self._solids:
                     handle = self._solids[name]
                     handle.position, handle.wxyz = tuple(pose.position), tuple(pose.rotation)
-            self._water.show(frame, self._style.value, world.scene.particle_radius)
+            return self._water.show(frame, self._style.value, world.scene.particle_radius)
+
+    def update(self) -> bool:
+        """Draw what was made meanwhile; returns whether there was something."""
+        with self._server.atomic():
+            return self._water.update()
 
     def report(self, text: str) -> None:
         """Show what happened."""

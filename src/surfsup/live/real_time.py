@@ -42,25 +42,27 @@ class Rates:
     """Pictures per second and simulated seconds per second, over the last second."""
 
     def __init__(self) -> None:
-        self._pictures: deque[tuple[float, float]] = deque()  # clock and simulated seconds
+        self._rounds: deque[tuple[float, float, bool]] = (
+            deque()
+        )  # clock, simulated seconds, whether there was a picture
 
-    def count(self, now: float, simulated: float) -> None:
-        """Note a picture at a time of the clock, with the simulated seconds since the one before."""
-        self._pictures.append((now, simulated))
-        while self._pictures[0][0] < now - WINDOW:
-            self._pictures.popleft()
+    def count(self, now: float, simulated: float, drawn: bool = True) -> None:
+        """Note the simulated seconds since the last call at a time of the clock, and whether a picture was drawn."""
+        self._rounds.append((now, simulated, drawn))
+        while self._rounds[0][0] < now - WINDOW:
+            self._rounds.popleft()
 
     @property
     def pictures(self) -> float:
         """Pictures per second."""
-        return self._per_second(float(len(self._pictures) - 1))
+        return self._per_second(float(sum(drawn for _, _, drawn in list(self._rounds)[1:])))
 
     @property
     def speed(self) -> float:
         """Simulated seconds per second; 1 is real time."""
-        return self._per_second(sum(simulated for _, simulated in list(self._pictures)[1:]))
+        return self._per_second(sum(simulated for _, simulated, _ in list(self._rounds)[1:]))
 
     def _per_second(self, amount: float) -> float:
-        if len(self._pictures) < 2:
+        if len(self._rounds) < 2:
             return 0.0
-        return amount / max(self._pictures[-1][0] - self._pictures[0][0], 1e-9)
+        return amount / max(self._rounds[-1][0] - self._rounds[0][0], 1e-9)

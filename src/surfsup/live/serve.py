@@ -79,6 +79,7 @@ class LiveServer:
             self._obey()
             timing.frame_time = world.frame_time
             watched = bool(self._server.get_clients()) or world.recording is not None
+            drawn = self._page.update()
             if self._page.paused or not watched:
                 time.sleep(IDLE)
                 timing.restart(clock())
@@ -89,8 +90,8 @@ class LiveServer:
             while timing.due(clock()) and clock() < start + LONGEST and self._step():
                 pass
             if world.simulation.time != before:
-                self._page.show(world.frame, world)
-            self._rates.count(clock(), world.simulation.time - before)
+                drawn |= self._page.show(world.frame, world)
+            self._rates.count(clock(), world.simulation.time - before, drawn)
             self._report(clock())
             time.sleep(max(0.0, start + 1 / PICTURES - clock()))
 

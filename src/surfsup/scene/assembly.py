@@ -79,7 +79,9 @@ def write_assembly(source: Path, out: Path, fit: float | None, up: Literal["y", 
         water = {"min": list(map(float, block.min)), "max": list(map(float, block.max))}
         scene = {"surfaces": surfaces, "fluid": [{"block": water}]}
         text = yaml.safe_dump(scene, sort_keys=False, default_flow_style=None)
-        out.write_text(f"# The parts of {source.name}, each a solid of its own.\n{text}", encoding="utf-8")
+        partial = out.with_name(f".{out.name}.partial")
+        partial.write_text(f"# The parts of {source.name}, each a solid of its own.\n{text}", encoding="utf-8")
+        partial.replace(out)
     except OSError as error:
         raise InputError(f"{out}: cannot be written ({error.strerror})") from None
     return list(surfaces)

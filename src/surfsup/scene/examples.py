@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import difflib
 from pathlib import Path
 
 import surfsup
-from surfsup.errors import InputError
+from surfsup.errors import InputError, did_you_mean
 
 SUFFIXES = (".yaml", ".obj")
 
@@ -32,8 +31,7 @@ def example_file(name: str) -> Path:
     """
     known = example_files()
     if name not in known:
-        near = difflib.get_close_matches(name, known, n=1)
-        hint = f" (did you mean '{near[0]}'?)" if near else ""
+        hint = did_you_mean(name, known)
         raise InputError(f"there is no example '{name}'{hint}; there are {', '.join(known) or 'none installed'}")
     return known[name]
 

@@ -16,9 +16,9 @@ from surfsup.scene.liquid import Liquid, named_liquid
 from surfsup.scene.particle_file import ParticleFile
 from surfsup.scene.strict_model import PositionVector, StrictModel, Vector, Velocity, for_callers_only
 
-PARTICLE_RADIUS = 0.015  # meters
-SPACING = 2 * PARTICLE_RADIUS
-NEAR_SURFACE_DISTANCE = 6 * PARTICLE_RADIUS  # meters; a closer particle is near the surface (SURFSUP supplement)
+PARTICLE_RADIUS: float = 0.015  # meters
+SPACING: float = 2 * PARTICLE_RADIUS
+NEAR_SURFACE_DISTANCE: float = 6 * PARTICLE_RADIUS  # meters; a closer particle is near the surface (SURFSUP supplement)
 MAX_PARTICLES = 50_000_000  # per block; their positions alone take 0.6 GB
 
 

@@ -17,7 +17,7 @@ from surfsup.scene.scene import Scene
 from surfsup.scene.shapes import DeepSdfShape, MeshShape, Rotation, Shape, SirenShape
 from surfsup.scene.start import is_in_other_units
 from surfsup.sdf.neural import surface_file
-from surfsup.sdf.neural.shipped_surfaces import is_shipped
+from surfsup.sdf.neural.shipped_surfaces import SUFFIX, is_shipped, require_surface
 
 DEFAULT_FIT = 0.7  # meters
 BLOCK_SIDE = 0.45  # meters: 14 particles per side, the middle of the training data
@@ -130,11 +130,9 @@ def shape_of_file(path: Path, placement: Placement) -> dict[str, Any]:
         InputError: the file is of an unknown kind, or an option does not apply to it.
     """
     shipped = is_shipped(path)
-    if not shipped and not path.suffix and not path.exists():
-        names = ", ".join(sdf.shipped_surfaces())
-        raise InputError(f"{path}: there is no such file; give a file or a shipped surface ({names})")
+    require_surface(path)
     file = path if shipped else path.resolve()
-    if not shipped and path.suffix.lower() != surface_file.SUFFIX:
+    if not shipped and path.suffix.lower() != SUFFIX:
         require_single_shape(path, placement)
         return {"mesh": MeshShape(file=file, fit=placement.fit, up=placement.up, thicken=placement.thicken)}
     if placement.up is not None:

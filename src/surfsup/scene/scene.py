@@ -19,7 +19,7 @@ from surfsup.scene.fluid import PARTICLE_RADIUS, Block, Fluid, InitialParticles
 from surfsup.scene.liquid import Liquid, named_liquid
 from surfsup.scene.mesh_surface import MeshFileSurface
 from surfsup.scene.particle_file import ParticleFile, end_time
-from surfsup.scene.safe_yaml import parse_yaml
+from surfsup.scene.scene_file import parse_scene, read_scene_text
 from surfsup.scene.shapes import KINDS, Shape
 from surfsup.scene.solids import CONTAINER, SINGLE, NamedShape, as_named_shape, build_solids
 from surfsup.scene.start import initial_particles
@@ -330,9 +330,7 @@ class Scene(StrictModel):
         Raises:
             InputError: the text is not YAML, a key is unknown, or a value is out of range; names the place.
         """
-        data = parse_yaml(text, source)
-        if not isinstance(data, dict):
-            raise InputError(f"{source}: a scene is a mapping with at least the key 'fluid'")
+        data = parse_scene(text, source)
         try:
             scene = cls.model_validate(data)
         except ValidationError as error:
@@ -348,12 +346,7 @@ class Scene(StrictModel):
             InputError: the file is missing or not a scene.
         """
         path = Path(path)
-        try:
-            text = path.read_text(encoding="utf-8")
-        except (OSError, ValueError) as error:
-            reason = error.strerror if isinstance(error, OSError) else "it is not text"
-            raise InputError(f"{path}: cannot be read as a scene: {reason}") from None
-        return cls.from_yaml(text, str(path), path.parent)
+        return cls.from_yaml(read_scene_text(path), str(path), path.parent)
 
     def to_yaml(self) -> str:
         """The scene as YAML, without the values that equal their defaults.
@@ -434,7 +427,10 @@ class Scene(StrictModel):
 
     @property
     def needs_native(self) -> bool:
-        """Whether the scene needs the C++ code, on the CPU: something moves, forces are requested, it has a liquid."""
+        """Whether the scene runs on the CPU unless a device is given: it moves, forces are requested, or it has a liquid.
+
+        A GPU cuts no path where it enters a solid, and several liquids need the C++ code.
+        """
         return self.moves or bool(self.forces) or self.liquid is not None or bool(self.mixture)
 
     @property

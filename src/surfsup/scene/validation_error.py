@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Sequence
 from typing import get_args
 
 from pydantic import BaseModel, ValidationError
+
+from surfsup.scene.scene_file import unknown_key
 
 A_LIST = "must be a list: '- ' before each entry, or entries in brackets, separated by commas"
 PLAIN_MESSAGES = {
@@ -32,10 +33,7 @@ def format_validation_error(error: ValidationError, model: type[BaseModel]) -> s
     location = first["loc"]
     where = " ".join(".".join(map(str, location)).split())
     if first["type"] == "extra_forbidden":
-        known = valid_keys(model, location[:-1])
-        closest = difflib.get_close_matches(str(location[-1]), known, n=1)
-        hint = f"did you mean '{closest[0]}'?" if closest else f"known are {', '.join(known)}"
-        return f"unknown key '{where}'; {hint}"
+        return unknown_key(where, str(location[-1]), valid_keys(model, location[:-1]))
     message = first["msg"].removeprefix("Value error, ")
     if first["type"] == "model_type":
         message = f"must be a mapping with keys out of {', '.join(valid_keys(model, location))}"

@@ -38,22 +38,20 @@ def resolve_collisions(
         velocities: (N, 3), m/s.
         environment: container and solid.
         last: an earlier query of the solid. Particles that cannot have come near since then skip the query.
-        masses: (N,) float32 of the particles of a mixture, for their impulses; in C++ only.
+        masses: (N,) float32 of the particles of a mixture, for their impulses.
     """
     in_cpp = can_run_native(positions, velocities, environment.lower, environment.upper, module=environment.surface)
-    if environment.motion is not None:
-        if not in_cpp or environment.motion.requires_grad:
-            from surfsup.sph.warp_engine import moving_collision
-
-            return moving_collision.resolve_moving_collisions(
-                before, positions, velocities, environment, environment.motion
-            )
+    if environment.motion is not None and in_cpp and not environment.motion.requires_grad:
         return resolve_moving_collisions(before, positions, velocities, environment, environment.motion, masses)
-    if in_cpp:
+    if environment.motion is None and in_cpp:
         return resolve_collisions_native(before, positions, velocities, environment, last, masses)
-    from surfsup.sph.warp_engine import collision
+    if environment.motion is None and environment.impulses is None:
+        from surfsup.sph.warp_engine import collision
 
-    return collision.resolve_collisions(before, positions, velocities, environment, last)
+        return collision.resolve_collisions(before, positions, velocities, environment, last)
+    from surfsup.sph.warp_engine import contacts
+
+    return contacts.resolve_collisions(before, positions, velocities, environment, masses)
 
 
 def resolve_moving_collisions(

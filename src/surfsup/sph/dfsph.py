@@ -27,7 +27,8 @@ GRADIENT_SCALE = 2 * SELF_DENSITY / KERNEL_SUPPORT  # 1/m, from sums of kernel g
 # (measured).
 DIVERGENCE_RELAXATION, DENSITY_RELAXATION = 0.5, 0.6
 # 1/s. Density rates below this do not enter the predicted density error: in deep water their signs would alternate from
-# substep to substep, and a pool would tremble (docs/log.md). In a splash their standard deviation is 1.4 to 9.
+# substep to substep, and a pool would tremble (docs/log.md). In a splash their standard deviation is 1.4 to 9. Longer
+# substeps have a wider deadband, in proportion.
 DIVERGENCE_DEADBAND = 1.0
 MIN_SQUARED_GRADIENT = 1e-5  # 1/m²: where density depends less on positions, pressure is zero
 # m²/s, the reference's. Laplacian of J. J. Monaghan, "Smoothed particle hydrodynamics", Reports on Progress in Physics

@@ -90,16 +90,24 @@ class LiquidForces:
         """Those of a scene in the units of the solver."""
         return Mixture.of(scene.mixture, scene.density) if scene.mixture else cls.of(scene.liquid)
 
+    @property
+    def coefficients(self) -> dict[str, float]:
+        """The coefficients as the solver uses them, see ``native/sph/liquid.hpp``."""
+        return {
+            "viscosity": LAPLACIAN_FACTOR * (VISCOSITY if self.viscosity is None else self.viscosity),
+            "friction": LAPLACIAN_FACTOR * self.boundary_viscosity,
+            "cohesion": REST_DENSITY * COHESION * self.surface_tension,
+            "curvature": self.surface_tension,
+            "adhesion": REST_DENSITY * ADHESION * self.adhesion,
+        }
+
     def parameters(self, mass: float) -> native.LiquidParameters:
         """The coefficients for C++ code, for particles of a mass in units of that of one of the scene's density."""
         parameters = native.LiquidParameters()
         parameters.mass = mass
         parameters.implicit_viscosity = self.viscosity is not None
-        parameters.viscosity = LAPLACIAN_FACTOR * (VISCOSITY if self.viscosity is None else self.viscosity)
-        parameters.friction = LAPLACIAN_FACTOR * self.boundary_viscosity
-        parameters.cohesion = REST_DENSITY * COHESION * self.surface_tension
-        parameters.curvature = self.surface_tension
-        parameters.adhesion = REST_DENSITY * ADHESION * self.adhesion
+        for name, value in self.coefficients.items():
+            setattr(parameters, name, value)
         parameters.tolerance = TOLERANCE
         parameters.max_iterations = MAX_ITERATIONS
         return parameters

@@ -28,7 +28,7 @@ from surfsup.sdf import Surface
 from surfsup.sph.boundary.boundary_map import BoundaryMap
 from surfsup.sph.collision_surface import for_collisions
 from surfsup.sph.native_query import PythonQuery, python_query
-from surfsup.sph.rigid_steps import RigidStep, interpolated, rigid_step
+from surfsup.sph.rigid_steps import Places, interpolated, places_between
 from surfsup.sph.state import SUBSTEPS
 
 MAX_PIECES = 100  # of a frame
@@ -159,15 +159,15 @@ class FrameMotion:
             ]
         )
 
-    def steps(self, count: int) -> RigidStep:
-        """The motion in each of ``count`` substeps: where all is at its start, and the velocities within it."""
-        fractions = torch.arange(count + 1, dtype=torch.float64) / count
-        return rigid_step(self.ends, fractions[:-1], fractions[1:], fractions[:-1], self.seconds / count)
+    @cached_property
+    def _places(self) -> dict[int, Places]:
+        return {}
 
-    def whole(self, now: float) -> RigidStep:
-        """Where all is at a fraction of the motion, and the mean velocities from its start to its end."""
-        first, last = torch.zeros(1, dtype=torch.float64), torch.ones(1, dtype=torch.float64)
-        return RigidStep(*(value[0] for value in rigid_step(self.ends, first, last, now * last, self.seconds)))
+    def places(self, count: int) -> Places:
+        """Where all is at the start and the end of each of ``count`` substeps."""
+        if count not in self._places:
+            self._places[count] = places_between(self.ends, count, self.seconds)
+        return self._places[count]
 
     def native(
         self, query_positions: np.ndarray | None = None, query_distance: np.ndarray | None = None, count: int = 0

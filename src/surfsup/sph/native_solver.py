@@ -24,7 +24,7 @@ from surfsup.sph.moving import no_query
 from surfsup.sph.native_query import native_query
 from surfsup.sph.neighbor_search import find_neighbors
 from surfsup.sph.stability import check_pairs, max_pairs
-from surfsup.sph.state import WHOLE_FRAME, FramePart, MixtureState, ParticleState
+from surfsup.sph.state import SUBSTEP_TIME, WHOLE_FRAME, FramePart, MixtureState, ParticleState
 
 
 @dataclass(frozen=True)
@@ -228,7 +228,7 @@ def solver_parameters(part: FramePart = WHOLE_FRAME) -> native.SolverParameters:
     parameters.self_density = dfsph.SELF_DENSITY
     parameters.divergence_relaxation = dfsph.DIVERGENCE_RELAXATION
     parameters.density_relaxation = dfsph.DENSITY_RELAXATION
-    parameters.divergence_deadband = dfsph.DIVERGENCE_DEADBAND
+    parameters.divergence_deadband = dfsph.DIVERGENCE_DEADBAND * max(1.0, part.seconds / part.substeps / SUBSTEP_TIME)
     parameters.min_squared_gradient = dfsph.MIN_SQUARED_GRADIENT
     parameters.max_density_error = dfsph.MAX_DENSITY_ERROR
     parameters.viscosity = dfsph.LAPLACIAN_FACTOR * dfsph.VISCOSITY

@@ -53,19 +53,43 @@ class RigidStep(NamedTuple):
         return (points - self.translation) @ self.turn.T + self.drift
 
 
-def rigid_step(ends: Tensor, first: Tensor, last: Tensor, now: Tensor, seconds: float) -> RigidStep:
-    """The steps (S, K) of K solids between fractions of their motion.
+class Places(NamedTuple):
+    """Where K solids are at equally spaced times.
+
+    Attributes:
+        rotations: (S + 1, K, 3, 3) from the frame of a solid to the world.
+        positions: (S + 1, K, 3), meters.
+        seconds: from the first to the last.
+    """
+
+    rotations: Tensor
+    positions: Tensor
+    seconds: float
+
+    def steps(self) -> RigidStep:
+        """The S steps of the K solids, each with the place at its start."""
+        rotations, positions, seconds = self
+        time = seconds / (len(rotations) - 1)
+        turn = (rotations[1:] - rotations[:-1]) @ rotations[:-1].transpose(-1, -2) / time
+        return RigidStep(rotations[:-1], positions[:-1], turn, (positions[1:] - positions[:-1]) / time)
+
+    def at(self, number: int) -> RigidStep:
+        """The K solids at one of the times, with their mean velocities from the first to the last."""
+        rotations, positions, seconds = self
+        turn = (rotations[-1] - rotations[0]) @ rotations[number].transpose(-1, -2) / seconds
+        return RigidStep(rotations[number], positions[number], turn, (positions[-1] - positions[0]) / seconds)
+
+
+def places_between(ends: Tensor, count: int, seconds: float) -> Places:
+    """Where K solids are at the start and the end of each of ``count`` substeps.
 
     Args:
         ends: (K, 2, 7) poses at the start and the end of the motion: positions in meters and quaternions w, x, y, z of
             any length but zero.
-        first, last: (S,) the fractions.
-        now: (S,) fractions at which the solids are.
-        seconds: from ``first`` to ``last``.
+        count: of the substeps.
+        seconds: from start to end.
     """
-    (before, start), (after, end), (present, place) = (place_at(ends, part) for part in (first, last, now))
-    turn = (after - before) @ present.transpose(-1, -2) / seconds
-    return RigidStep(present, place, turn, (end - start) / seconds)
+    return Places(*place_at(ends, torch.linspace(0, 1, count + 1, dtype=torch.float64)), seconds)
 
 
 def place_at(ends: Tensor, parts: Tensor) -> tuple[Tensor, Tensor]:

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, ClassVar
 import torch
 from torch import Tensor
 
-from surfsup.errors import InputError
 from surfsup.native.dispatch import is_built
 from surfsup.scene import FRAME_TIME
 from surfsup.sph.collision import LastQuery, resolve_collisions
@@ -95,7 +94,7 @@ class DfsphSolver(Simulator[ParticleState]):
 
         Raises:
             SimulationError: a position is not finite, or the particles have collapsed into a clump.
-            InputError: there is a liquid, or forces are requested, and the C++ code cannot run.
+            InputError: there are several liquids or gradients beside a liquid, and the C++ code cannot run.
         """
         if environment.moving is not None:
             return step_among_moving(self._step_part, state, environment, handle_collisions)
@@ -111,18 +110,8 @@ class DfsphSolver(Simulator[ParticleState]):
         if self.native is not None and can_step_native(state, environment):
             frame = self.native.step(state, environment, handle_collisions, part)
             return finished(state, frame, environment, handle_collisions, part)
-        if environment.liquid is not None:
-            raise InputError(
-                "liquids run in the C++ code only: on the CPU, in single precision, without gradients; use --device "
-                "cpu, see 'surfsup doctor' for what the C++ code needs, or omit 'liquid'"
-            )
-        if environment.impulses is not None:
-            raise InputError(
-                "forces on solids are computed by the C++ code only: on the CPU, in single precision, without "
-                "gradients; use --device cpu, and see 'surfsup doctor' for what the C++ code needs"
-            )
         positions, velocities, collided = self.warp.step(state, environment, handle_collisions, part)
-        return ParticleState(positions, velocities), collided
+        return replace(state, positions=positions, velocities=velocities), collided
 
     def _step_in_parts(
         self, state: ParticleState, environment: Environment, handle_collisions: bool, parts: int

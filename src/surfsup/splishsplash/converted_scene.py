@@ -10,6 +10,7 @@ import numpy as np
 import trimesh
 
 from surfsup.errors import InputError
+from surfsup.io.atomic_file import atomic_file
 
 
 @dataclass(frozen=True)
@@ -43,6 +44,7 @@ class ConvertedScene:
                     path.write_bytes(content)
                 else:
                     np.save(path, content)
-            self.out.write_text(self.text, encoding="utf-8")
+            with atomic_file(self.out) as partial:
+                partial.write_text(self.text, encoding="utf-8")
         except OSError as error:
             raise InputError(f"{self.out}: cannot be written ({error.strerror})") from None

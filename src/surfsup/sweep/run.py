@@ -11,7 +11,8 @@ from surfsup import __version__
 from surfsup.datasets.folder import atomic_write, lock_folder
 from surfsup.datasets.generation.worker_pool import WorkerPool, open_worker_pool, until_canceled
 from surfsup.errors import InputError, SimulationError
-from surfsup.learned.loading import DEFAULT_SIMULATOR, load_simulator
+from surfsup.learned.loading import load_simulator
+from surfsup.learned.simulator_names import DEFAULT_SIMULATOR
 from surfsup.scene import Scene
 from surfsup.sweep.case import Case, cases_of
 from surfsup.sweep.simulate_case import RESULT, simulate_case

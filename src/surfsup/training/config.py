@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import math
 from collections.abc import Iterable
 from dataclasses import fields
@@ -13,7 +12,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, field_validator, model_validator
 
-from surfsup.errors import InputError
+from surfsup.errors import InputError, did_you_mean
 from surfsup.learned.base import Architecture
 from surfsup.learned.message_passing.architecture import SIZES
 from surfsup.learned.message_passing.simulator import MessagePassingSimulator
@@ -197,9 +196,3 @@ def load_mapping(name: str) -> dict[str, Any]:
     if base not in presets or base == name:
         raise InputError(f"{name}: like: there is no preset '{base}'; presets are {', '.join(presets)}")
     return {**load_mapping(base), **data}
-
-
-def did_you_mean(name: str, known: Iterable[str]) -> str:
-    """A hint at the most similar of the ``known`` names, empty if none is similar."""
-    near = difflib.get_close_matches(name, list(known), n=1)
-    return f" (did you mean '{near[0]}'?)" if near else ""

@@ -13,8 +13,8 @@ import numpy as np
 from torch.utils.tensorboard import SummaryWriter
 
 from surfsup.errors import InputError
-from surfsup.evaluation.load_trajectories import trajectory_files
 from surfsup.evaluation.validation_scores import ValidationScores
+from surfsup.io.trajectory_path import trajectory_files
 from surfsup.optim.loop import Progress
 from surfsup.training.rollout_picture import draw_rollout
 from surfsup.training.run import TrainingRun
@@ -34,7 +34,7 @@ def open_log(run: TrainingRun, validation: Path) -> TensorBoard:
     except InputError as error:
         warnings.warn(f"no pictures of rollouts: {error}", stacklevel=2)
         return TensorBoard(run, None)
-    return TensorBoard(run, trajectory_files(validation, 1)[0])
+    return TensorBoard(run, trajectory_files(validation)[0])
 
 
 class TensorBoard:

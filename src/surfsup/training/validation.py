@@ -7,10 +7,10 @@ from collections.abc import Callable
 from pathlib import Path
 
 from surfsup.datasets.units import check_units
-from surfsup.evaluation.load_trajectories import trajectory_files
 from surfsup.evaluation.validation_scores import ValidationScores, combine_scores, score_rollouts
 from surfsup.io.atomic_file import atomic_file
 from surfsup.io.trajectory import Trajectory
+from surfsup.io.trajectory_path import trajectory_files
 from surfsup.learned import weights_file
 from surfsup.training.run import TrainingRun
 
@@ -21,7 +21,7 @@ def check_validation(folder: Path, scenes: int) -> None:
     Raises:
         InputError: the folder has no trajectories, or one of them cannot be read or has another frame time or radius.
     """
-    for path in trajectory_files(folder, scenes):
+    for path in trajectory_files(folder)[:scenes]:
         with Trajectory(path) as trajectory:
             check_units(path, trajectory)
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from surfsup.errors import InputError
+from surfsup.io.atomic_file import atomic_file
 from surfsup.io.trajectory import Trajectory
 
 if TYPE_CHECKING:
@@ -44,7 +45,8 @@ def plot_forces(trajectory: Trajectory, names: Sequence[str], path: Path) -> Non
         bottom.set_xlabel("time, s")
     rows[0, 1].legend(*rows[0, 0].get_legend_handles_labels(), frameon=False, loc="upper right", ncols=3)
     try:
-        figure.savefig(path, metadata={"Software": None})
+        with atomic_file(path) as partial:
+            figure.savefig(partial, format=path.suffix.removeprefix(".") or "png", metadata={"Software": None})
     except OSError as error:
         raise InputError(f"{path}: cannot be written ({error.strerror})") from None
 

@@ -266,3 +266,33 @@ def test_invalid_arguments_are_an_error_of_one_line_and_leave_no_files(tmp_path,
         generate(**arguments)
     assert "\n" not in str(error.value)
     assert not (tmp_path / "data").exists()
+
+
+@pytest.mark.parametrize("make", [os.mkfifo, lambda path: path.symlink_to("/dev/zero"), lambda path: path.mkdir()])
+@pytest.mark.parametrize("name", ["dataset.yaml", "00000.h5"])
+def test_what_is_no_plain_file_in_a_stranger_s_data_set_is_refused(tmp_path, make, name):
+    """None of it is read: a pipe would wait without end, a device has no end."""
+    make(tmp_path / name)
+    with pytest.raises(InputError, match=f"{re.escape(name)}: is no plain file"):
+        generate("tiny", tmp_path, 1)
+
+
+def test_a_description_without_end_is_refused_before_it_is_read(tmp_path):
+    with (tmp_path / "dataset.yaml").open("wb") as file:
+        file.truncate(10**12)
+    with pytest.raises(InputError, match="too large"):
+        generate("tiny", tmp_path, 1)
+
+
+@needs_solver
+def test_a_record_that_is_elsewhere_or_no_number_is_refused(tmp_path):
+    paths = generate("tiny", tmp_path, 2)
+    with h5py.File(paths[0], "r+") as file:
+        file["data_set"].attrs["velocity_sum"] = [float("nan"), 0.0, 0.0]
+    with pytest.raises(InputError, match=r"00000\.h5.*not three finite numbers"):
+        generate("tiny", tmp_path, 2)
+    with h5py.File(paths[0], "r+") as file:
+        del file["data_set"]
+        file["data_set"] = h5py.ExternalLink("00001.h5", "data_set")
+    with pytest.raises(InputError, match=r"00000\.h5.*is a link to another place"):
+        generate("tiny", tmp_path, 2)

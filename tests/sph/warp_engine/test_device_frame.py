@@ -13,6 +13,7 @@ from surfsup.sph.solver import DfsphSolver
 from surfsup.sph.state import ParticleState
 from surfsup.sph.warp_engine.solver import Room, WarpSolver
 from tests.learned.simulated_gpu import simulated_gpu, waits
+from tests.sph.warp_engine.test_moving import SCENES, in_warp
 from tests.sph.warp_engine.test_solver import (
     BALL,
     environment_of,
@@ -161,3 +162,21 @@ def test_a_result_is_not_overwritten_by_the_next_frame():
     kept = first.positions.clone()
     solver.step(first, environment)
     assert torch.equal(first.positions, kept)
+
+
+@pytest.mark.parametrize("liquid", ["", "liquid: {viscosity: 0.001, surface_tension: 0.05}\n"])
+def test_the_host_waits_at_the_end_of_a_frame_alone_where_solids_move(liquid, reads_at_the_end, monkeypatch):
+    monkeypatch.setattr("surfsup.sph.warp_engine.liquid.MAX_ITERATIONS", 12)  # the simulated GPU is slow
+    simulation = in_warp(liquid + SCENES["a paddle and a ball"])
+    state, environment = simulation.state.fluid, simulation._environment.at_frame(0)
+    expected = WarpSolver().step(state, environment)
+    with torch.no_grad(), simulated_gpu() as gpu:
+        there, on_gpu = on(gpu, state, replace(environment, surface=surface_on(environment.surface, gpu)))
+        on_gpu.on_host  # noqa: B018
+        waits.clear()
+        solver = WarpSolver()
+        for _ in range(2):
+            found = solver.step(there, on_gpu)
+            torch.testing.assert_close(found[0].cpu(), expected[0], atol=1e-6, rtol=0)
+            waits.clear()
+    assert reads_at_the_end["within"] == []

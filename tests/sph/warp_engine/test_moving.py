@@ -134,7 +134,7 @@ class TestGradients:
         positions = positions + 0.01 * torch.rand(positions.shape, generator=random, dtype=torch.float64)
         ends = self.poses()
         motion = environment.moving.between_tensors(ends)
-        start = motion.whole(0.0)
+        start = motion.places(1).at(0)
         with torch.no_grad():
             room = torch.stack(
                 [body.surface.distance(start.of(number).to_own(positions)) for number, body in enumerate(motion.bodies)]

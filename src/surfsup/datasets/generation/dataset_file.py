@@ -18,6 +18,7 @@ from surfsup.scene.safe_yaml import parse_yaml
 from surfsup.splishsplash import solver
 
 NAME = "dataset.yaml"
+MAX_BYTES = 20_000_000  # of it; a million scenes that were rejected
 
 
 @dataclass(frozen=True)
@@ -57,6 +58,8 @@ def check_identity(folder: Path, expected: DatasetIdentity) -> None:
     path = folder / NAME
     if not path.exists():
         return
+    if not path.is_file() or path.stat().st_size > MAX_BYTES:
+        raise InputError(f"{path}: is no plain file, or too large for one that describes data; take another folder")
     found = parse_yaml(path.read_text(errors="replace"), str(path))
     if not isinstance(found, dict) or not {"recipe", "seed"} <= found.keys():
         raise InputError(f"{path}: does not say what data the folder holds; take another folder")

@@ -22,6 +22,7 @@ from surfsup.datasets.units import check_simulator_frames
 from surfsup.errors import InputError
 from surfsup.io.trajectory import Trajectory
 from surfsup.io.trajectory_format import Provenance
+from surfsup.io.trajectory_path import trajectory_files
 from surfsup.io.trajectory_writer import TrajectoryWriter
 from surfsup.scene import Block, Fluid, InitialParticles, Scene
 from surfsup.scene.solids import build_solids
@@ -97,7 +98,7 @@ def readable_trajectories(data: Path) -> list[Path]:
         InputError: there is none, or the floor cannot run the scene of one again.
     """
     readable = []
-    for path in sorted(data.glob("*.h5")):
+    for path in trajectory_files(data):
         try:
             trajectory = Trajectory(path)
         except InputError as error:
@@ -107,7 +108,7 @@ def readable_trajectories(data: Path) -> list[Path]:
             check_repeatable(path, trajectory)
         readable.append(path)
     if not readable:
-        raise InputError(f"{data}: has no trajectories (*.h5); make some with 'surfsup generate'")
+        raise InputError(f"{data}: has no trajectories that can be read")
     return readable
 
 

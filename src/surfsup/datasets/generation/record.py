@@ -7,6 +7,7 @@ from pathlib import Path
 
 import h5py
 
+from surfsup.checked.hdf5 import stored_dataset, stored_object
 from surfsup.datasets.generation.checked_simulation import CheckedSimulation
 from surfsup.datasets.generation.scene_sampler import SceneSampler
 from surfsup.datasets.generation.statistics import Moments
@@ -51,10 +52,12 @@ class GenerationRecord:
         Raises:
             InputError: the file is cut off, or was not made by ``surfsup generate``.
         """
+        if not path.is_file():
+            raise InputError(f"{path}: is no plain file; move it away")
         try:
             with h5py.File(path, "r") as file:
-                provenance, attributes = file.attrs, dict(file[RECORD_GROUP].attrs)
-                frames, particles, _ = file[f"{GROUP}/position"].shape
+                provenance, attributes = file.attrs, dict(stored_object(file, RECORD_GROUP).attrs)
+                frames, particles, _ = stored_dataset(file, f"{GROUP}/position").shape
                 return cls(
                     str(attributes["recipe"]),
                     int(attributes["seed"]),
@@ -66,7 +69,7 @@ class GenerationRecord:
                     int(particles),
                     Moments.from_attributes(attributes),
                 )
-        except (OSError, KeyError, TypeError, ValueError) as error:
+        except (OSError, RuntimeError, KeyError, TypeError, ValueError, OverflowError) as error:
             reason = single_line(error)
             raise InputError(
                 f"{path}: was cut off, or not made by 'surfsup generate' ({reason}); move it away"

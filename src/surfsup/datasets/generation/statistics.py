@@ -50,12 +50,15 @@ class Moments:
 
         Raises:
             KeyError: an attribute is missing.
+            ValueError: one is not three finite numbers.
         """
-        return cls(
-            int(attributes["samples"]),
-            {name: np.asarray(attributes[f"{name}_sum"]) for name in QUANTITIES},
-            {name: np.asarray(attributes[f"{name}_squares"]) for name in QUANTITIES},
+        sums, squares = (
+            {name: np.asarray(attributes[f"{name}_{of}"]) for name in QUANTITIES} for of in ("sum", "squares")
         )
+        for values in (*sums.values(), *squares.values()):
+            if values.shape != (3,) or values.dtype.kind != "f" or not np.isfinite(values).all():
+                raise ValueError("its statistics are not three finite numbers for each quantity")
+        return cls(int(attributes["samples"]), sums, squares)
 
 
 class MomentAccumulator:

@@ -15,7 +15,6 @@ from surfsup.errors import InputError
 from surfsup.sdf.grid import SdfGrid
 
 MAX_BOUND = 4.0  # of coordinates in units of the cube, whose side is 2
-SUFFIX = ".safetensors"
 SIREN = "surfsup-siren-1"
 DEEPSDF = "surfsup-deepsdf-1"
 SAMPLES = "surfsup-samples-1"

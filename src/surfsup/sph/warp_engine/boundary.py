@@ -44,6 +44,17 @@ class Boundary:
     walls: list[Any] | None
 
     @property
+    def walls_alone(self) -> list[Any]:
+        """:attr:`inputs` without a solid."""
+        return [*self.inputs[:4], NO_SOLID, *self.inputs[5:]]
+
+    @property
+    def solid_alone(self) -> list[Any]:
+        """:attr:`inputs` without walls."""
+        vec3 = type(self.inputs[0])
+        return [vec3(-NO_WALL), vec3(NO_WALL), *self.inputs[2:]]
+
+    @property
     def moves(self) -> bool:
         """Whether anything moves."""
         return bool(self.bodies) or self.walls is not None

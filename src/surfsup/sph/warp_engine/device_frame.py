@@ -7,9 +7,8 @@ import warp as wp
 from torch import Tensor
 
 from surfsup import warp_runtime as runtime
-from surfsup.scene import FRAME_TIME
 from surfsup.sph.environment import Environment
-from surfsup.sph.state import ParticleState
+from surfsup.sph.state import WHOLE_FRAME, FramePart, ParticleState
 from surfsup.sph.warp_engine.boundary import Boundary
 from surfsup.sph.warp_engine.collision import Collisions
 from surfsup.sph.warp_engine.energy import EnergyLimiter
@@ -29,17 +28,28 @@ class DeviceFrame:
         environment: container and gravity; without a solid, or with its boundary map.
         boundary: the same for the kernels.
         capacity: neighbors of a particle for which there is room.
+        part: of a frame.
+        steps: of what moves, as :class:`Frame` takes them; None where nothing moves.
 
     Attributes:
         frame: the pressure solve.
     """
 
-    def __init__(self, state: ParticleState, environment: Environment, boundary: Boundary, capacity: int) -> None:
-        self.frame = Frame(state.positions, boundary, capacity)
+    def __init__(
+        self,
+        state: ParticleState,
+        environment: Environment,
+        boundary: Boundary,
+        capacity: int,
+        part: FramePart = WHOLE_FRAME,
+        steps: tuple[Tensor, Tensor] | None = None,
+    ) -> None:
+        self.part = part
+        kept = None if steps is None else (steps[0].clone(), steps[1].clone())
+        self.frame = Frame(state.positions, boundary, capacity, part=part, steps=kept)
         precision, device, count = self.frame.precision, self.frame.device, self.frame.count
-        self.limiter = EnergyLimiter(count, environment.on_host.gravity, precision, device)
+        self.limiter = EnergyLimiter(count, environment.on_host.gravity, precision, device, part)
         self.collisions = Collisions(environment, state.positions)
-        self.seconds = precision.real(FRAME_TIME)
         self.before = [self.frame.unsorted() for _ in range(2)]
         self.after = [self.frame.unsorted() for _ in range(2)]
         self.contained = [self.frame.unsorted() for _ in range(2)]
@@ -48,24 +58,35 @@ class DeviceFrame:
         self.graph: wp.Graph | None = None
         self.runs = 0
 
-    def serves(self, state: ParticleState, boundary: Boundary, capacity: int) -> bool:
+    def serves(self, state: ParticleState, boundary: Boundary, capacity: int, part: FramePart = WHOLE_FRAME) -> bool:
         """Whether these particles can be advanced with these arrays."""
         positions, like = state.positions, self.before[0]
         alike = (positions.shape, positions.dtype, positions.device) == (like.shape, like.dtype, like.device)
-        return alike and self.frame.boundary is boundary and self.frame.search.capacity == capacity
+        same = self.frame.boundary is boundary and self.frame.search.capacity == capacity and self.part == part
+        return alike and same
 
     def run(
-        self, state: ParticleState, handle_collisions: bool, supplied: float = 0.0
+        self,
+        state: ParticleState,
+        handle_collisions: bool,
+        supplied: float = 0.0,
+        steps: tuple[Tensor, Tensor] | None = None,
     ) -> tuple[Tensor, Tensor, Tensor]:
-        """Positions and velocities (N, 3) one frame later, and which particles (N,) a wall moved.
+        """Positions and velocities (N, 3) one frame or part later, and which particles (N,) a wall moved.
+
+        Beside what moves, walls are left to collision handling.
 
         Args:
             state: particles at the frame's start.
             handle_collisions: whether the walls move particles.
             supplied: energy that the frame may gain, mean J/kg.
+            steps: of what moves, as many as at first.
         """
         for target, value in zip(self.before, (state.positions, state.velocities), strict=True):
             target.copy_(value)
+        if steps is not None and self.frame.moving is not None:
+            for target, value in zip(self.frame.moving.tensors, steps, strict=True):
+                target.copy_(value)
         self.limiter.allow(supplied)
         if self.runs == 0:
             self.launch()
@@ -76,7 +97,7 @@ class DeviceFrame:
                 self.graph = capture.graph
             wp.capture_launch(self.graph)
         self.runs += 1
-        if handle_collisions:
+        if handle_collisions and self.frame.moving is None:
             return self.contained[0].clone(), self.contained[1].clone(), self.collided.clone()
         return self.after[0].clone(), self.after[1].clone(), torch.zeros_like(self.collided)
 
@@ -87,10 +108,12 @@ class DeviceFrame:
         )
         self.frame.launch(
             transfer_kernels(self.frame.precision).predict_particles,
-            [*before, self.seconds, self.limiter.fall],
+            [*before, self.frame.seconds, self.limiter.fall],
             [self.predicted],
         )
         self.frame.run(before[0], before[1], self.predicted, (None, None), after)
+        if self.frame.moving is not None:
+            self.limiter.allow_work(self.frame.moving.work)
         self.limiter.run(before, after, after)
         collided = runtime.to_warp(self.collided, wp.bool)
         self.collisions.launch(

@@ -45,14 +45,20 @@ class EnergyLimiter:
         self.limited_gains = [wp.empty((HALVINGS, size), dtype=wp.float64, device=device) for size in (parts, FOLD)]
         self.choice = wp.empty(1, dtype=int, device=device)
 
-    def allow(self, supplied: float, work: wp.array | None = None) -> None:
-        """Let the next frame gain a mean energy ``supplied`` in J/kg and the mean of the ``work`` (N,) of solids."""
+    def allow(self, supplied: float) -> None:
+        """Let the next frame gain a mean energy ``supplied`` in J/kg."""
         self.max_gain.fill_(MAX_ENERGY_GAIN + supplied)
-        if work is None:
-            return
+
+    def allow_work(self, work: wp.array) -> None:
+        """Let it gain the mean of the ``work`` (N,) of solids, too."""
         self._launch(self.kernels.sum_work, self.gains[0].shape[1], [work], [self.gains[0]])
         self._launch(self.kernels.fold_sums, (1, FOLD), [self.gains[0]], [self.gains[1]])
         self._launch(self.kernels.allow_work, 1, [self.gains[1], self.count], [self.max_gain])
+
+    def allow_mean(self, work: Tensor) -> None:
+        """Let it gain a mean energy that is on the device, too, J/kg."""
+        allowed = runtime.to_torch(self.max_gain)
+        allowed += work
 
     def run(self, before: list[wp.array], after: list[wp.array], targets: list[wp.array]) -> None:
         """Write the limited positions and velocities (N,) of a frame to ``targets``, which may be ``after`` itself."""

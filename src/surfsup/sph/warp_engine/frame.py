@@ -14,10 +14,12 @@ from torch.autograd.function import once_differentiable
 from surfsup import warp_runtime as runtime
 from surfsup.sph.state import WHOLE_FRAME, FramePart
 from surfsup.sph.warp_engine.boundary import Boundary
+from surfsup.sph.warp_engine.impulses import ImpulseSums, add_pressure_impulses
 from surfsup.sph.warp_engine.kernels.adjoint import adjoint_kernels
 from surfsup.sph.warp_engine.kernels.boundary import PLANE, boundary_kernels
 from surfsup.sph.warp_engine.kernels.substeps import substep_kernels
 from surfsup.sph.warp_engine.kernels.transfer import transfer_kernels
+from surfsup.sph.warp_engine.liquid import LiquidStep
 from surfsup.sph.warp_engine.moving_boundary import MovingDensity
 from surfsup.sph.warp_engine.neighbors import NeighborSearch, empty_table
 from surfsup.warp_runtime import precision_of
@@ -35,6 +37,7 @@ class Frame:
         keep: whether to keep what the backward pass reads.
         part: of a frame: its duration and number of substeps.
         steps: of what moves, in each substep; None where nothing moves.
+        sums: to which the impulses on the solids are added; None where they are not requested.
     """
 
     def __init__(
@@ -45,6 +48,7 @@ class Frame:
         keep: bool = False,
         part: FramePart = WHOLE_FRAME,
         steps: tuple[Tensor, Tensor] | None = None,
+        sums: ImpulseSums | None = None,
     ) -> None:
         self.precision = precision_of(like.dtype)
         self.boundary, self.keep, self.substep_count = boundary, keep, part.substeps
@@ -62,6 +66,8 @@ class Frame:
         # Positions and velocities from substep to substep; without gradients two sets take turns.
         self.motions = [[self.vectors(), self.vectors()] for _ in range(part.substeps + 1 if keep else 2)]
         self.substeps = [Substep(self) for _ in range(part.substeps if keep else 1)]
+        self.sums = sums
+        self.liquid: LiquidStep | None = None
         self.moving = None if steps is None else MovingDensity(self, steps)
         self.search = NeighborSearch(self.count, capacity, self.precision, self.device)
         self.factors: Any = empty_table(self.count, capacity, self.precision.real, self.device)
@@ -114,6 +120,8 @@ class Frame:
         neighbors = [self.search.neighbors, self.search.counts]
         motion, following = self.motion(number), self.motion(number + 1)
         substep = self.substeps[number % len(self.substeps)]
+        if self.liquid is not None:
+            self.liquid.advance(number, motion)
         self.launch(boundary_kernel, [motion[0], *self.solid, *self.boundary.inputs], substep.boundary)
         if self.moving is not None:
             self.moving.add(motion[0], number, substep.boundary)
@@ -126,8 +134,12 @@ class Frame:
             [self.rest_density, self.factors, *substep.results],
         )
         density, _, density_gradient, _, viscous, pressure = substep.results
+        if self.liquid is not None and self.liquid.viscous:
+            viscous.zero_()
         if self.moving is not None:
             self.moving.add_work(pressure)
+        if self.sums is not None:
+            add_pressure_impulses(self, self.sums, number, motion[0], pressure)
         self.launch(
             kernels.apply_pressures,
             [

@@ -51,11 +51,23 @@ class MovingDensity:
             launches.append((self.kernels.add_moving_walls, [first + len(boundary.bodies), *boundary.walls]))
         return launches
 
+    def step(self, number: int, index: int) -> RigidStep:
+        """Place and velocity of one of those that move in a substep, walls last."""
+        (rotation, turn), (translation, drift) = (values[number, index] for values in self.tensors)
+        return RigidStep(rotation, translation, turn, drift)
+
     def add(self, positions: wp.array, number: int, density: list[wp.array]) -> None:
         """Add what moves in a substep to density and gradient (N,) at ``positions`` (N,)."""
         self.approach.zero_()
         for kernel, inputs in self._launches(number):
             self.frame.launch(kernel, [positions, *self.steps, *inputs], [*density, self.approach])
+
+    def evaluate_one(self, positions: wp.array, number: int, index: int, density: list[wp.array]) -> None:
+        """Write density and gradient (N,) of one of those that move in a substep, walls last; no other changes."""
+        kernel, inputs = self._launches(number)[index]
+        for array in density:
+            array.zero_()
+        self.frame.launch(kernel, [positions, *self.steps, *inputs], [*density, self.frame.reals(zero=True)])
 
     def add_work(self, pressure: wp.array) -> None:
         """Add the work of the substep, in which the particles have the pressures (N,)."""

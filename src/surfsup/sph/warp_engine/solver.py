@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cache
 
 import torch
@@ -15,23 +16,27 @@ from surfsup.sph.clearance import LastQuery
 from surfsup.sph.environment import Environment
 from surfsup.sph.kernel_sums import kernel_graph
 from surfsup.sph.kernels import KERNEL_SUPPORT
+from surfsup.sph.liquid import LiquidForces, Mixture
 from surfsup.sph.neighbor_search import find_neighbors
 from surfsup.sph.state import SUBSTEP_TIME, WHOLE_FRAME, FramePart, ParticleState
 from surfsup.sph.warp_engine.boundary import Boundary, boundary_of
 from surfsup.sph.warp_engine.collision import Collisions, Contained, NearList, leave_solid, near_list
+from surfsup.sph.warp_engine.contacts import resolve_contacts
 from surfsup.sph.warp_engine.device_frame import DeviceFrame
 from surfsup.sph.warp_engine.energy import EnergyLimiter, LimitedFrame
 from surfsup.sph.warp_engine.frame import DifferentiableFrame, Frame
+from surfsup.sph.warp_engine.impulses import ImpulseSums
 from surfsup.sph.warp_engine.kernels.adjoint import adjoint_kernels
 from surfsup.sph.warp_engine.kernels.boundary import PLANE, boundary_kernels
 from surfsup.sph.warp_engine.kernels.collision import collision_kernels
 from surfsup.sph.warp_engine.kernels.energy import energy_kernels
+from surfsup.sph.warp_engine.kernels.liquid import liquid_kernels
 from surfsup.sph.warp_engine.kernels.moving_boundary import moving_boundary_kernels
 from surfsup.sph.warp_engine.kernels.search import search_kernels
 from surfsup.sph.warp_engine.kernels.substeps import substep_kernels
 from surfsup.sph.warp_engine.kernels.transfer import transfer_kernels
+from surfsup.sph.warp_engine.liquid import LiquidStep
 from surfsup.sph.warp_engine.moving_boundary import packed
-from surfsup.sph.warp_engine.moving_collision import resolve_moving_collisions
 from surfsup.sph.warp_engine.neighbors import CAPACITY
 from surfsup.warp_runtime import precision_of
 
@@ -44,6 +49,7 @@ FACTORIES = (
     energy_kernels,
     collision_kernels,
     moving_boundary_kernels,
+    liquid_kernels,
 )
 ONE_SUBSTEP = FramePart(SUBSTEP_TIME, 1)
 INDEX_BYTES = 4
@@ -113,20 +119,24 @@ class WarpSolver:
             return state.positions, state.velocities, torch.zeros(0, dtype=torch.bool, device=device)
         with_gradient = needs_gradient(state.positions, state.velocities, module=environment.surface)
         with_gradient = with_gradient or (environment.motion is not None and environment.motion.requires_grad)
+        require_known(environment, with_gradient)
         boundary = self._boundary(environment, state.positions, with_gradient)
         needed = bytes_per_particle(state.positions.dtype, with_gradient)
         with runtime.memory_errors(count, needed, device), runtime.on_stream(device):
             while True:
                 near = None
+                sums = None if environment.impulses is None else ImpulseSums(environment, state.positions)
                 if handle_collisions and environment.surface is not None and environment.motion is None:
                     near = near_list(state.positions, self.room.rows)
-                if boundary.solid == PLANE or with_gradient or boundary.moves or part != WHOLE_FRAME:
+                if boundary.solid == PLANE or with_gradient or sums is not None or environment.liquid is not None:
                     frame, result = self._step_by_operations(
-                        state, environment, boundary, near, handle_collisions, with_gradient, part
+                        state, environment, boundary, near, handle_collisions, with_gradient, part, sums
                     )
                 else:
-                    frame, result = self._step_by_graph(state, environment, boundary, near, handle_collisions)
+                    frame, result = self._step_by_graph(state, environment, boundary, near, handle_collisions, part)
                 if self.room.was_enough(frame, near):
+                    if sums is not None:
+                        sums.finish()
                     return result
 
     def _step_by_graph(
@@ -136,13 +146,17 @@ class WarpSolver:
         boundary: Boundary,
         near: NearList | None,
         handle_collisions: bool,
+        part: FramePart,
     ) -> tuple[Frame, tuple[Tensor, Tensor, Tensor]]:
         """A frame that is recorded, but for the query of the solid by torch."""
-        if self._device_frame is None or not self._device_frame.serves(state, boundary, self.room.neighbors):
+        capacity, steps = self.room.neighbors, steps_of(environment, state.positions, part)
+        if self._device_frame is None or not self._device_frame.serves(state, boundary, capacity, part):
             self._device_frame = None  # its memory first
-            self._device_frame = DeviceFrame(state, environment, boundary, self.room.neighbors)
+            self._device_frame = DeviceFrame(state, environment, boundary, capacity, part, steps)
         device_frame = self._device_frame
-        contained = device_frame.run(state, handle_collisions, environment.supplied_energy)
+        contained = device_frame.run(state, handle_collisions, environment.supplied_energy, steps)
+        if handle_collisions and environment.motion is not None:
+            return device_frame.frame, contact_result(state.positions, contained, environment)
         if near is None:
             return device_frame.frame, contained
         before, collisions = state.positions, device_frame.collisions
@@ -158,23 +172,32 @@ class WarpSolver:
         handle_collisions: bool,
         keep: bool,
         part: FramePart,
+        sums: ImpulseSums | None,
     ) -> tuple[Frame, tuple[Tensor, Tensor, Tensor]]:
         """A frame of operations that torch differentiates."""
         values = [value.contiguous() for value in (state.positions, state.velocities)]
         predicted, _ = state.ballistic(environment.gravity, part)
         distance, normal = environment.distance_and_normal(predicted) if boundary.solid == PLANE else (None, None)
         steps = steps_of(environment, values[0], part)
-        frame = Frame(values[0], boundary, self.room.neighbors, keep, part, steps)
+        frame = Frame(values[0], boundary, self.room.neighbors, keep, part, steps, sums)
+        if environment.liquid is not None:
+            assert isinstance(environment.liquid, LiquidForces)
+            motion = environment.motion
+            places = None if motion is None else motion.places(part.substeps).steps()
+            frame.liquid = LiquidStep(frame, environment.liquid, environment.gravity.to(values[0]), places)
         ends = DifferentiableFrame.apply(frame, *values, distance, normal, *(steps or (None, None)), predicted.detach())
         limiter = EnergyLimiter(frame.count, boundary.acceleration, frame.precision, frame.device, part)
-        limiter.allow(environment.supplied_energy, None if frame.moving is None else frame.moving.work)
+        limiter.allow(environment.supplied_energy)
+        if frame.moving is not None:
+            limiter.allow_work(frame.moving.work)
+        if frame.liquid is not None:
+            limiter.allow_mean(frame.liquid.work)
         positions, velocities = LimitedFrame.apply(limiter, *values, *ends)
         if not handle_collisions:
             collided = torch.zeros(len(positions), dtype=torch.bool, device=positions.device)
             return frame, (positions, velocities, collided)
-        if environment.motion is not None:
-            result = resolve_moving_collisions(values[0], positions, velocities, environment, environment.motion)
-            return frame, (result.positions, result.velocities, result.collided)
+        if environment.motion is not None or sums is not None:
+            return frame, contact_result(values[0], (positions, velocities), environment, sums)
         collisions = Collisions(environment, positions)
         contained = Contained.apply(collisions, positions, velocities)
         if near is None:
@@ -265,12 +288,28 @@ class WarpSolver:
 
     def _boundary(self, environment: Environment, positions: Tensor, with_gradient: bool) -> Boundary:
         """The boundary of the environment for particles at ``positions``, with all kernels loaded."""
-        load_engine(positions.dtype, str(positions.device), with_gradient, environment.moving is not None)
+        used = with_gradient, environment.moving is not None, environment.liquid is not None
+        load_engine(positions.dtype, str(positions.device), *used)
         dtype, device = positions.dtype, positions.device
         scene = environment.base
         if self._last is None or self._last[0] is not scene or self._last[1:3] != (dtype, device):
             self._last = scene, dtype, device, boundary_of(environment, precision_of(dtype), positions)
         return self._last[3]
+
+
+def require_known(environment: Environment, with_gradient: bool) -> None:
+    """Refuse what Warp lacks of liquids.
+
+    Raises:
+        InputError: there are several liquids, or gradients beside one.
+    """
+    if isinstance(environment.liquid, Mixture):
+        raise InputError(
+            "several liquids run in the C++ code only: on the CPU, in single precision, without gradients; use "
+            "--device cpu, see 'surfsup doctor' for what the C++ code needs, or give one liquid"
+        )
+    if environment.liquid is not None and with_gradient:
+        raise InputError("a liquid has no gradients; omit 'liquid' for the solver's own water, which has them")
 
 
 def steps_of(environment: Environment, like: Tensor, part: FramePart) -> tuple[Tensor, Tensor] | None:
@@ -285,7 +324,15 @@ def steps_of(environment: Environment, like: Tensor, part: FramePart) -> tuple[T
         raise InputError(
             "the scene has solids that move, which this use of the solver does not know; omit their motion"
         )
-    return packed(environment.motion.steps(part.substeps), like)
+    return packed(environment.motion.places(part.substeps).steps(), like)
+
+
+def contact_result(
+    before: Tensor, state: Sequence[Tensor], environment: Environment, sums: ImpulseSums | None = None
+) -> tuple[Tensor, Tensor, Tensor]:
+    """Positions and velocities (N, 3) of a ``state`` after collisions, and who (N,) was moved."""
+    result = resolve_contacts(before, state[0], state[1], environment, sums)
+    return result.positions, result.velocities, result.collided
 
 
 def bytes_per_particle(dtype: torch.dtype, with_gradient: bool) -> int:
@@ -294,7 +341,7 @@ def bytes_per_particle(dtype: torch.dtype, with_gradient: bool) -> int:
 
 
 @cache
-def load_engine(dtype: torch.dtype, device: str, with_gradient: bool, moves: bool) -> None:
+def load_engine(dtype: torch.dtype, device: str, with_gradient: bool, moves: bool, liquid: bool) -> None:
     """Compile the kernels for a precision and a device, or read them from Warp's cache.
 
     Raises:
@@ -302,6 +349,6 @@ def load_engine(dtype: torch.dtype, device: str, with_gradient: bool, moves: boo
     """
     runtime.start(device)
     precision = precision_of(dtype)
-    unused = {adjoint_kernels: not with_gradient, moving_boundary_kernels: not moves}
+    unused = {adjoint_kernels: not with_gradient, moving_boundary_kernels: not moves, liquid_kernels: not liquid}
     factories = [factory for factory in FACTORIES if not unused.get(factory)]
     runtime.load_kernels((kernel for factory in factories for kernel in factory(precision).kernels), device)

@@ -154,6 +154,8 @@ def test_what_is_corrected_or_skipped_is_said(tmp_path, name, content, warning):
         ("a.off", OFF.replace("OFF", "4OFF", 1), "four or more dimensions"),
         ("a.off", OFF.replace("OFF", "OFF BINARY", 1), "binary OFF"),
         ("a.off", OFF[:-20], "is damaged or not an OFF file"),
+        ("a.off", OFF.replace("0.3 0.3 0\n", "0.3 0.3\n", 1), "its vertex 2 has 2 coordinates"),
+        ("a.off", OFF.replace("\n8 6 0\n", " 8 6 0 ") + " 7", "1 numbers more than its counts announce"),
         ("a.obj.gz", b"\x1f\x8b\x08 and so on", "unpack it by gunzip"),
         ("a.3mf", b"PK\x03\x04 and so on", "ZIP archive"),
         ("a.step", b"ISO-10303-21;", "STEP file of a CAD program; export the part as STL"),

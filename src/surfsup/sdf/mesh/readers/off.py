@@ -35,7 +35,10 @@ def read_off(content: bytes) -> RawMesh:
         if vertex_count < 0 or face_count < 0 or vertex_count + face_count > 2 * len(text):
             raise ValueError("its counts are out of range")
         rows, rest = lines[1 : 1 + vertex_count], lines[1 + vertex_count :]
-        if len(lines[0]) > 3 or any(len(row) < 3 for row in rows):
+        short = next((number for number, row in enumerate(rows) if len(row) < 3), None)
+        if short is not None and len(lines) == 1 + vertex_count + face_count:
+            raise ValueError(f"its vertex {short} has {len(rows[short])} coordinates")
+        if len(lines[0]) > 3 or short is not None:
             rows, rest = regrouped(lines, vertex_count)
         vertices = numbers(word for row in rows for word in row[:3]).reshape(-1, 3)
         if len(vertices) != vertex_count:
@@ -60,7 +63,7 @@ def polygons(rows: list[list[str]], count: int) -> tuple[list[int], list[int]]:
     the other, without colors.
 
     Raises:
-        ValueError, IndexError: there are too few words, or one is not an integer.
+        ValueError, IndexError: there are too few words or too many, or one is not an integer.
     """
     if any(len(row) <= int(row[0]) for row in rows[:count]) or len(rows) < count:
         words = [word for row in rows for word in row]
@@ -73,5 +76,7 @@ def polygons(rows: list[list[str]], count: int) -> tuple[list[int], list[int]]:
             at += size + 1
         if at > len(words):
             raise ValueError("it ends within a face")
+        if at < len(words):  # a word that is missing further up would shift all that follow
+            raise ValueError(f"it has {len(words) - at} numbers more than its counts announce")
     sizes = [int(row[0]) for row in rows[:count]]
     return sizes, [int(word) for size, row in zip(sizes, rows, strict=False) for word in row[1 : size + 1]]

@@ -233,12 +233,18 @@ def boundary_kernels(precision: Precision) -> SimpleNamespace:
             wp.adjoint[position] += volume_map.rotation * (two * wp.cw_div(of_local, volume_map.cell))
 
     @wp.func
-    def walls(position: vec3, lower: vec3, upper: vec3, wall_cell: vec3, table: wp.array(dtype=real)) -> vec4:
-        """Density of the container's walls, and its gradient (3), 1/m."""
-        density, gradient = real(0.0), vec3()
+    def beside_walls(position: vec3, lower: vec3, upper: vec3, wall_cell: vec3) -> bool:
+        """Whether a wall is within a cell."""
+        nearest = wp.min(position - lower, upper - position)
+        return nearest[0] < wall_cell[0] or nearest[1] < wall_cell[1] or nearest[2] < wall_cell[2]
+
+    @wp.func
+    def wall_place(position: vec3, lower: vec3, upper: vec3, wall_cell: vec3, table: wp.array(dtype=real)) -> vec5:
+        """Distance and volume fraction of the container's walls, and the direction (3) towards them."""
+        place = vec5(far, zero, zero, zero, zero)
         below, above = position - lower, upper - position
         nearest = wp.min(below, above)
-        if nearest[0] < wall_cell[0] or nearest[1] < wall_cell[1] or nearest[2] < wall_cell[2]:
+        if beside_walls(position, lower, upper, wall_cell):
             x = wp.min(wp.max(nearest[0], min_wall_distance) / wall_cell[0], one)
             y = wp.min(wp.max(nearest[1], min_wall_distance) / wall_cell[1], one)
             z = wp.min(wp.max(nearest[2], min_wall_distance) / wall_cell[2], one)
@@ -255,9 +261,16 @@ def boundary_kernels(precision: Precision) -> SimpleNamespace:
                 * (one - plane_fraction(nearest[1], table))
                 * (one - plane_fraction(nearest[2], table))
             )
-            density = solid_density(rounded_distance, one - free)
-            gradient = solid_slope(rounded_distance, one - free) * wp.normalize(towards)
-        return vec4(density, gradient[0], gradient[1], gradient[2])
+            direction = wp.normalize(towards)
+            place = vec5(rounded_distance, one - free, direction[0], direction[1], direction[2])
+        return place
+
+    @wp.func
+    def walls(position: vec3, lower: vec3, upper: vec3, wall_cell: vec3, table: wp.array(dtype=real)) -> vec4:
+        """Density of the container's walls, and its gradient (3), 1/m."""
+        place = wall_place(position, lower, upper, wall_cell, table)
+        slope = solid_slope(place[0], place[1])
+        return vec4(solid_density(place[0], place[1]), slope * place[2], slope * place[3], slope * place[4])
 
     @wp.kernel(module=module)
     def evaluate_boundary(
@@ -281,9 +294,10 @@ def boundary_kernels(precision: Precision) -> SimpleNamespace:
         position = positions[i]
         total, slopes = real(0.0), vec3()
 
-        wall = walls(position, lower, upper, wall_cell, table)
-        total += wall[0]
-        slopes += vec3(wall[1], wall[2], wall[3])
+        if beside_walls(position, lower, upper, wall_cell):
+            wall = walls(position, lower, upper, wall_cell, table)
+            total += wall[0]
+            slopes += vec3(wall[1], wall[2], wall[3])
 
         if solid == 1:
             # Without a map the solid is a plane through its nearest point, as seen from the predicted position.
@@ -309,6 +323,8 @@ def boundary_kernels(precision: Precision) -> SimpleNamespace:
         evaluate_boundary=evaluate_boundary,
         Map=Map,
         walls=walls,
+        wall_place=wall_place,
+        plane_fraction=plane_fraction,
         interpolate=interpolate,
         solid_density=solid_density,
         solid_slope=solid_slope,

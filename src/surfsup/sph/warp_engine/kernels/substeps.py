@@ -165,5 +165,6 @@ def substep_kernels(precision: Precision) -> SimpleNamespace:
         compute_pressures=compute_pressures,
         apply_pressures=apply_pressures,
         sum_velocity_differences=sum_velocity_differences,
+        kernel_value=kernel_value,
         gradient_factor=gradient_factor,
     )

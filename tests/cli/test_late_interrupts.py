@@ -1,0 +1,28 @@
+import sys
+import time
+
+import pytest
+
+from surfsup.cli.late_interrupts import interrupt_once_more
+
+
+class Fragile:
+    def __init__(self, error):
+        self.error = error
+
+    def __del__(self):
+        raise self.error
+
+
+def test_an_interrupt_in_a_destructor_comes_a_moment_later(monkeypatch, capsys):
+    monkeypatch.setattr(sys, "unraisablehook", interrupt_once_more)
+    with pytest.raises(KeyboardInterrupt):
+        Fragile(KeyboardInterrupt())
+        time.sleep(1)
+    assert capsys.readouterr().err == ""
+
+
+def test_another_error_in_a_destructor_is_printed(monkeypatch, capsys):
+    monkeypatch.setattr(sys, "unraisablehook", interrupt_once_more)
+    Fragile(ValueError("spoiled"))
+    assert "ValueError: spoiled" in capsys.readouterr().err
