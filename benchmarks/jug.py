@@ -4,7 +4,7 @@
 
 The jug is tilted until the water runs over its rim into the container; both then continue from that state and that
 motion, one after the other in one run. The figures are processor times of a frame of 5 ms at 15 mm (of as many substeps
-in both), one thread, without the set-up: the difference of a run of few frames and one of more.
+in both), one thread, without the set-up: for SPlisHSPlasH the difference of a run of few frames and one of more.
 
 PYTHON is the interpreter of an environment with `genesis-world` and `newton`: Genesis' DFSPH and Newton's implicit MPM
 then begin with the same particles, in the same box, around a mesh of the jug that stands still where it is
@@ -58,21 +58,29 @@ JUG_RESOLUTION = 64  # cells of the mesh of the jug along its longest side
 
 
 def surfsup_frames(scene: Scene, frames: int) -> float:
-    """Processor seconds of a run of ``frames`` frames."""
-    began, simulation = time.process_time(), Simulation(scene)
+    """Processor seconds of ``frames`` frames after the first few."""
+    simulation = Simulation(scene)
+    for _ in range(FEW):
+        simulation.step()
+    began = time.process_time()
     for _ in range(frames):
         simulation.step()
     return time.process_time() - began
 
 
-def reference_frames(scene: Scene, frames: int) -> float:
-    """The same of SPlisHSPlasH, which runs in a process of its own."""
+def reference_run(scene: Scene, frames: int) -> float:
+    """Processor seconds of a run of SPlisHSPlasH, set-up included, in a process of its own."""
     start = Simulation(scene).particles
     began = resource.getrusage(resource.RUSAGE_CHILDREN)
     for _ in solver.simulate(scene.with_frames(frames + 1), None, start):
         pass
     end = resource.getrusage(resource.RUSAGE_CHILDREN)
     return end.ru_utime + end.ru_stime - began.ru_utime - began.ru_stime
+
+
+def reference_frames(scene: Scene, frames: int) -> float:
+    """Processor seconds of ``frames`` frames of SPlisHSPlasH, as the difference of two runs."""
+    return reference_run(scene, FEW + frames) - reference_run(scene, FEW)
 
 
 def write_pour(path: Path, scene: Scene, simulation: Simulation) -> None:
@@ -132,7 +140,7 @@ def main() -> None:
         times: dict[str, list[float]] = {"surfsup": [], "SPlisHSPlasH": []}
         for _ in range(arguments.rounds):
             for name, run in (("surfsup", surfsup_frames), ("SPlisHSPlasH", reference_frames)):
-                seconds = run(scene, FEW + arguments.frames) - run(scene, FEW)
+                seconds = run(scene, arguments.frames)
                 times[name].append(1000 * seconds / arguments.frames)
                 print(f"{name}: {times[name][-1]:.1f} ms of processor time a frame", flush=True)
             for name in PEERS if arguments.peers else ():

@@ -9,6 +9,8 @@ import pytest
 
 from surfsup.live.drawn_water import PARTICLES, SURFACE, WATER_COLOR, DrawnWater, colors_of
 from surfsup.live.liquid_choice import liquid_name
+from surfsup.live.page import LivePage
+from surfsup.live.world import LiveWorld
 from surfsup.scene import Scene
 from surfsup.scene.liquid import LIQUIDS, Liquid
 from surfsup.simulation import Simulation
@@ -82,3 +84,19 @@ def test_a_surface_leaves_with_the_last_particle_of_its_liquid(server):
 
 def test_a_liquid_is_called_by_its_name_or_its_density():
     assert [liquid_name(liquid) for liquid in (LIQUIDS["oil"], Liquid(density=850))] == ["oil", "850 kg/m³"]
+
+
+def test_a_page_of_two_liquids_lets_one_choose_and_starts_anew(server, tmp_path):
+    scene = Scene.from_yaml(
+        "container: {size: [0.6, 0.6, 1]}\nfluid:\n- block: {min: [-0.2, -0.2, 0.02], max: [0, 0.2, 0.2]}\n"
+        "- {block: {min: [0.02, -0.2, 0.02], max: [0.2, 0.2, 0.2]}, liquid: oil}",
+        "test",
+    )
+    world = LiveWorld(scene, tmp_path)
+    page = LivePage(server, world)
+    assert page._viscosity is None, "viscosities of several liquids stay"
+    page._tap._liquid = lambda: 1
+    page._tap._toggle(world)
+    assert world.tap.liquid == LIQUIDS["oil"]
+    assert page._reset(world) == "back at the start" and world.tap is None
+    assert "particles of 20 mm" in page._restart(world, 0.02)

@@ -20,6 +20,6 @@ def test_each_is_a_scene_with_a_description(name):
 
 def test_an_unknown_one_is_refused_with_the_nearest():
     with pytest.raises(
-        InputError, match=r"no example 'tecup' \(did you mean 'teacup'\?\); there are boat, honey, knot"
+        InputError, match=r"no example 'tecup' \(did you mean 'teacup'\?\); there are boat, dragon, honey, knot"
     ):
         example_file("tecup")

@@ -427,7 +427,10 @@ class Scene(StrictModel):
 
     @property
     def needs_native(self) -> bool:
-        """Whether the scene needs the C++ code, on the CPU: something moves, forces are requested, it has a liquid."""
+        """Whether the scene runs on the CPU unless a device is given: it moves, or has forces or a liquid.
+
+        A GPU cuts no path where it enters a solid, and several liquids need the C++ code.
+        """
         return self.moves or bool(self.forces) or self.liquid is not None or bool(self.mixture)
 
     @property

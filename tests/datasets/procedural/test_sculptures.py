@@ -2,16 +2,21 @@
 
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
 import torch
+import trimesh
 
 from surfsup.datasets.procedural.coral import CELL, TIP_RADIUS, branch_radii, coral, grow
+from surfsup.datasets.procedural.dragon import dragon, simplified
 from surfsup.datasets.procedural.lion import lion
 from surfsup.datasets.procedural.room import FLOOR, HALF, HIGH, room
 from surfsup.scene import Shape
 from surfsup.sdf import polygonize
+
+EXAMPLES = Path(__file__).parents[3] / "examples"
 
 
 @pytest.fixture(scope="module", params=[coral, lion])
@@ -84,3 +89,21 @@ def test_the_room_is_one_solid_with_an_open_top():
 
 def test_the_room_can_be_imported_before_any_recipe():
     subprocess.run([sys.executable, "-c", "import surfsup.datasets.procedural.room"], check=True)
+
+
+def test_the_dragon_is_one_closed_solid_on_the_floor():
+    statue = dragon()
+    assert statue.is_watertight
+    assert statue.body_count == 1
+    assert abs(statue.bounds[0, 2]) < 0.007
+    coarse = simplified(statue, 9000)
+    assert coarse.is_watertight
+    assert len(coarse.faces) <= 9000
+    assert coarse.volume == pytest.approx(statue.volume, rel=0.01)
+    np.testing.assert_allclose(coarse.bounds, statue.bounds, atol=0.01)
+
+
+def test_the_dragon_that_ships_is_closed():
+    shipped = trimesh.load(EXAMPLES / "dragon.obj")
+    assert shipped.is_watertight
+    assert len(shipped.faces) == 9000

@@ -165,7 +165,8 @@ def test_a_result_is_not_overwritten_by_the_next_frame():
 
 
 @pytest.mark.parametrize("liquid", ["", "liquid: {viscosity: 0.001, surface_tension: 0.05}\n"])
-def test_the_host_waits_at_the_end_of_a_frame_alone_where_solids_move(liquid, reads_at_the_end):
+def test_the_host_waits_at_the_end_of_a_frame_alone_where_solids_move(liquid, reads_at_the_end, monkeypatch):
+    monkeypatch.setattr("surfsup.sph.warp_engine.liquid.MAX_ITERATIONS", 12)  # the simulated GPU is slow
     simulation = in_warp(liquid + SCENES["a paddle and a ball"])
     state, environment = simulation.state.fluid, simulation._environment.at_frame(0)
     expected = WarpSolver().step(state, environment)

@@ -34,7 +34,7 @@ SPINE: list[Point] = [  # from the neck to the tail, along the back
 
 
 def dragon() -> trimesh.Trimesh:
-    """The dragon as closed triangles in meters, 1 long, standing on z = 0."""
+    """The dragon as closed triangles in meters, 1.2 from snout to tail, standing on z = 0."""
     sculpture = SculptureGrid((-0.6, -0.6, 0.0), (0.6, 0.75, 0.95), CELL)
     body(sculpture)
     tail(sculpture)
@@ -63,12 +63,12 @@ def body(sculpture: SculptureGrid) -> None:
 
 def tail(sculpture: SculptureGrid) -> None:
     """A tail around the left side, with a spade at its end."""
-    turn = np.linspace(0.0, 1.0, 16)
+    turns = np.linspace(0.0, 1.0, 16)
     ends: list[Point] = [
         (0.42 * float(np.sin(2.6 * t)), 0.3 + 0.3 * float(np.sin(3.0 * t)) - 0.28 * t**2, 0.04 + 0.18 * (1 - t) ** 2)
-        for t in turn
+        for t in turns
     ]
-    radii = [0.1 - 0.082 * t**0.7 for t in turn]
+    radii = [0.1 - 0.082 * t**0.7 for t in turns]
     sculpture.add_tube(ends, radii, blend=0.04)
     for at, radius in list(zip(ends, radii, strict=True))[1:-3]:
         x, y, z = at

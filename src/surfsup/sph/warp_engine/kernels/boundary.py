@@ -233,12 +233,18 @@ def boundary_kernels(precision: Precision) -> SimpleNamespace:
             wp.adjoint[position] += volume_map.rotation * (two * wp.cw_div(of_local, volume_map.cell))
 
     @wp.func
+    def beside_walls(position: vec3, lower: vec3, upper: vec3, wall_cell: vec3) -> bool:
+        """Whether a wall is within a cell."""
+        nearest = wp.min(position - lower, upper - position)
+        return nearest[0] < wall_cell[0] or nearest[1] < wall_cell[1] or nearest[2] < wall_cell[2]
+
+    @wp.func
     def wall_place(position: vec3, lower: vec3, upper: vec3, wall_cell: vec3, table: wp.array(dtype=real)) -> vec5:
         """Distance and volume fraction of the container's walls, and the direction (3) towards them."""
         place = vec5(far, zero, zero, zero, zero)
         below, above = position - lower, upper - position
         nearest = wp.min(below, above)
-        if nearest[0] < wall_cell[0] or nearest[1] < wall_cell[1] or nearest[2] < wall_cell[2]:
+        if beside_walls(position, lower, upper, wall_cell):
             x = wp.min(wp.max(nearest[0], min_wall_distance) / wall_cell[0], one)
             y = wp.min(wp.max(nearest[1], min_wall_distance) / wall_cell[1], one)
             z = wp.min(wp.max(nearest[2], min_wall_distance) / wall_cell[2], one)
@@ -288,9 +294,10 @@ def boundary_kernels(precision: Precision) -> SimpleNamespace:
         position = positions[i]
         total, slopes = real(0.0), vec3()
 
-        wall = walls(position, lower, upper, wall_cell, table)
-        total += wall[0]
-        slopes += vec3(wall[1], wall[2], wall[3])
+        if beside_walls(position, lower, upper, wall_cell):
+            wall = walls(position, lower, upper, wall_cell, table)
+            total += wall[0]
+            slopes += vec3(wall[1], wall[2], wall[3])
 
         if solid == 1:
             # Without a map the solid is a plane through its nearest point, as seen from the predicted position.
