@@ -30,6 +30,7 @@ class Continuation:
 
     Attributes:
         simulation: from the last frame of the file on.
+        kept: number of frames in the file.
 
     Raises:
         InputError: there is no such file, it is of another scene or simulator, or has all frames,
@@ -40,12 +41,12 @@ class Continuation:
         if not file.is_file():
             raise InputError(f"{file}: there is no interrupted simulation; omit --resume")
         with Trajectory(file) as trajectory:
-            self._done, self._ids = len(trajectory), trajectory.positions.shape[1]
-            if not self._done:
+            self.kept, self._ids = len(trajectory), trajectory.positions.shape[1]
+            if not self.kept:
                 raise InputError(f"{file}: has no frames yet; omit --resume")
             if trajectory.lifetimes is not None:
                 self._ids = int((trajectory.lifetimes[:, 1] > 0).sum())  # that have come so far
-            self._last = trajectory.ids(self._done - 1)
+            self._last = trajectory.ids(self.kept - 1)
             if described(trajectory.scene) != described(scene):
                 raise InputError(f"{file}: is of another scene or other options; give another folder with -o")
             if trajectory.provenance.simulator != simulator:
@@ -53,12 +54,12 @@ class Continuation:
                     f"{file}: was simulated by {trajectory.provenance.simulator}, not by {simulator}; "
                     "give the same --simulator, or another folder with -o"
                 )
-        if self._done >= scene.frames:
+        if self.kept >= scene.frames:
             raise InputError(
                 f"{file}: has all {scene.frames} frames already; give more --frames, or omit --resume to begin anew"
             )
         self._file = file
-        rest = scene.with_frames(scene.frames - self._done + 1)
+        rest = scene.with_frames(scene.frames - self.kept + 1)
         self.simulation = simulate(rest.with_changes(restart=file.resolve()))
 
     @property
@@ -69,7 +70,7 @@ class Continuation:
     def frames(self) -> Iterator[OutputFrame]:
         """All frames, those of the file first."""
         with Trajectory(self._file) as trajectory:
-            yield from (kept_frame(trajectory, number) for number in range(self._done))
+            yield from (kept_frame(trajectory, number) for number in range(self.kept))
         for number, frame in enumerate(self.simulation.run()):
             if number:  # the first is the last of the file
                 entered = np.arange(self._ids, self._ids + max(0, 1 + int(frame.ids.max(initial=-1)) - len(self._last)))

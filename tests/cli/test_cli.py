@@ -217,7 +217,8 @@ def handle_interrupts() -> None:
     signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
-def test_an_interrupt_leaves_a_readable_trajectory_and_status_130(scene, tmp_path):
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_an_interrupt_leaves_a_readable_trajectory_and_status_130(scene, tmp_path, number):
     out = tmp_path / "out"
     command = [sys.executable, "-m", "surfsup.cli", "simulate", str(scene), "-o", str(out), "--frames", "200000"]
     # Children of tests that run in the background would ignore the signal.
@@ -228,7 +229,7 @@ def test_an_interrupt_leaves_a_readable_trajectory_and_status_130(scene, tmp_pat
         while written < 20_000 and running.poll() is None and time.monotonic() < deadline:
             time.sleep(0.2)
             written = (out / "trajectory.h5").stat().st_size if (out / "trajectory.h5").exists() else 0
-        running.send_signal(signal.SIGINT)
+        running.send_signal(number)
         _, errors = running.communicate(timeout=60)
     assert running.returncode == 130, errors
     with Trajectory(out / "trajectory.h5") as trajectory:

@@ -4,7 +4,7 @@ from safetensors.torch import load_file, save_file
 
 from surfsup.errors import InputError
 from surfsup.optim import checkpoint as module
-from surfsup.optim.checkpoint import Checkpoint, CheckpointFiles
+from surfsup.optim.checkpoint import Checkpoint, CheckpointFiles, load_optimizer_state, optimizer_state
 
 
 def checkpoint(step: int) -> Checkpoint:
@@ -83,3 +83,16 @@ def test_a_full_disk_leaves_the_existing_checkpoints(files, monkeypatch):
     with pytest.raises(InputError, match="cannot be written"):
         files.save(checkpoint(2))
     assert files.last.read_bytes() == before
+
+
+def test_an_optimizer_state_that_single_precision_cannot_hold_is_refused():
+    parameter = torch.nn.Parameter(torch.ones(2))
+    optimizer = torch.optim.Adam([parameter])
+    parameter.sum().backward()
+    optimizer.step()
+    state = optimizer_state(optimizer)
+    load_optimizer_state(optimizer, state)
+    with pytest.raises(
+        ValueError, match=r"'optimizer\.0\.exp_avg' has numbers that are not finite in single precision"
+    ):
+        load_optimizer_state(optimizer, {**state, "0.exp_avg": torch.full((2,), 1e300, dtype=torch.float64)})

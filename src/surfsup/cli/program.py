@@ -9,6 +9,7 @@ import atexit
 import errno
 import gc
 import os
+import signal
 import sys
 import warnings
 from contextlib import suppress
@@ -79,6 +80,7 @@ def main() -> None:
         typer.echo(__version__)
         sys.exit(0)
     collect_less_garbage()
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # as Ctrl-C: what is done is kept, and the user is told
     warnings.showwarning = one_line_warnings()
     sys.unraisablehook = interrupt_once_more
     report_activities(activity_lines)

@@ -63,10 +63,11 @@ def simulate(
         return Simulation(part, simulator, device, handle_collisions=not no_collisions)
 
     frames: Iterator[OutputFrame]
+    kept = 0
     if resume:
         with scene_options.named():
             rest = Continuation(output.interrupted(scene_options.source), scene, name, simulation_of)
-        simulation, most_ids, frames = rest.simulation, rest.most_ids, rest.frames()
+        simulation, most_ids, frames, kept = rest.simulation, rest.most_ids, rest.frames(), rest.kept
     else:
         with scene_options.named():
             simulation = simulation_of(scene)
@@ -74,9 +75,14 @@ def simulate(
         frames = (frame.recorded for frame in simulation.run())
     folder = output.create_folder(scene_options.source, most_ids, scene.frames)
     with progress_bar(f"simulating with {name}") as bar:
+
+        def show(done: int, total: int) -> None:
+            if done > kept:  # what is copied would count as speed in the time left
+                bar(done, total)
+
         solids, crossings = simulation.motion.solids, lambda: simulation.state.crossings
         named = scene_options.named_while(frames)
-        summary = folder.record(scene, solids, named, Provenance(name), device, bar, began, crossings)
+        summary = folder.record(scene, solids, named, Provenance(name), device, show, began, crossings)
     output.finish(folder, summary, simulation.particles.excluded)
     if not no_collisions:
         warn_of_misplaced(summary)

@@ -24,7 +24,7 @@ class Progress:
     Attributes:
         iteration, iterations: number done and total.
         reward: of the last evaluated design.
-        values: the current design, in words.
+        values: that design, in words.
         seconds_left: estimate of the remaining time.
     """
 
@@ -88,7 +88,7 @@ def run_to_end(run: DesignRun, should_stop: Callable[[], bool], report: Callable
             run.cpu_seconds += process_cpu_seconds() - cpu
             evaluated, iterations = len(run.rewards), run.optimizer.iterations
             seconds_left = run.wall_seconds / evaluated * (iterations + 1 - evaluated)
-            values = format_values(run.optimizer.values)
+            values = format_values(run.designs[-1])
             report(Progress(run.optimizer.iteration, iterations, run.rewards[-1], values, seconds_left))
             if time.monotonic() - saved > SAVE_INTERVAL:
                 run_folder.save(run)

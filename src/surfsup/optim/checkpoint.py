@@ -135,7 +135,8 @@ def load_optimizer_state(optimizer: torch.optim.Optimizer, tensors: Mapping[str,
     """Restore what :func:`optimizer_state` returned.
 
     Raises:
-        ValueError: a tensor belongs to no parameter of the optimizer, or has none of the shapes that a state has.
+        ValueError: a tensor belongs to no parameter of the optimizer, has none of the shapes that a state has, or has
+            numbers that the parameter's precision cannot hold.
     """
     parameters = [parameter for group in optimizer.param_groups for parameter in group["params"]]
     states: dict[int, dict[str, Tensor]] = {}
@@ -145,6 +146,8 @@ def load_optimizer_state(optimizer: torch.optim.Optimizer, tensors: Mapping[str,
         square = value.ndim == 2 and value.shape[0] == value.shape[1] and shape is not None and value.shape[0] in shape
         if shape is None or not value.is_floating_point() or not (value.ndim == 0 or value.shape == shape or square):
             raise ValueError(f"its tensor 'optimizer.{name[:80]}' fits no parameter")
+        if not bool(torch.isfinite(value.to(parameters[int(number)].dtype)).all()):
+            raise ValueError(f"its tensor 'optimizer.{name[:80]}' has numbers that are not finite in single precision")
         states.setdefault(int(number), {})[key] = value
     optimizer.load_state_dict({"state": states, "param_groups": optimizer.state_dict()["param_groups"]})
 

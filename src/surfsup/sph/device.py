@@ -22,6 +22,8 @@ def choose_device(name: str | None = None) -> str:
         torch.empty(1, device=name)
     except (RuntimeError, AssertionError) as error:
         reason = str(error).strip().splitlines()[0]
-        install = "" if torch.version.cuda else "; for a GPU install PyTorch with CUDA, see docs/install.md"
+        install = (
+            "" if torch.version.cuda else "; for a GPU install PyTorch with CUDA: pip install --force-reinstall torch"
+        )
         raise InputError(f"the device '{name}' cannot be used here ({reason}); try --device cpu{install}") from None
     return name

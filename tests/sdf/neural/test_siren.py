@@ -129,6 +129,8 @@ def rewrite(path, change):
         (lambda tensors, header, metadata: header["sizes"].update(width=32), "do not fit its architecture"),
         (lambda tensors, header, metadata: header["sizes"].update(layers=10**9), "do not fit its architecture"),
         (lambda tensors, header, metadata: header["sizes"].update(depth=3), "do not fit its architecture"),
+        (lambda tensors, header, metadata: header.update(cell=0.02), "do not fit its architecture"),
+        (lambda tensors, header, metadata: tensors.update({"lattice.lower": BOX[0]}), "do not fit its architecture"),
         (lambda tensors, header, metadata: tensors["network.last"].fill_(float("nan")), "not finite"),
         (lambda tensors, header, metadata: metadata.update(surface="{"), "damaged"),
         (lambda tensors, header, metadata: metadata.update(surface="[]"), "damaged"),

@@ -129,7 +129,7 @@ def load_siren(path: Path) -> SirenSurface:
         network = sizes.network()
         load_weights(network, weights)
         grid = None
-        if "lattice.values" in tensors:
+        if "cell" in header or tensors.keys() & {"lattice.values", "lattice.lower"}:
             grid = surface_file.checked_grid(tensors["lattice.values"], tensors["lattice.lower"], header["cell"])
         bounds = surface_file.checked_bounds(tensors["bounds"])
         surface = SirenSurface(network, bounds, grid, normalization(header["cube"]), header["about"])
