@@ -51,6 +51,18 @@ def test_a_resumed_fit_has_the_weights_of_an_uninterrupted_one(ball_target, tmp_
         assert torch.equal(one, other)
 
 
+@pytest.mark.parametrize(
+    "damaged",
+    [torch.zeros(0, 48), torch.ones(48, dtype=torch.bool), torch.full((48,), 1e300, dtype=torch.float64)],
+)
+def test_best_weights_that_the_network_cannot_have_are_refused(ball_target, tmp_path, damaged):
+    fit = fit_of(ball_target, tmp_path, steps=8, validate_every=2)
+    tensors, counters = fit_of(ball_target, tmp_path, steps=4, validate_every=2).state()
+    tensors |= {f"best.{name}": value for name, value in fit.model.state_dict().items()}
+    with pytest.raises(ValueError, match=r"its tensor 'biases\.0'"):
+        fit.load_state({**tensors, "best.biases.0": damaged}, counters)
+
+
 def test_a_fit_with_other_options_is_not_resumed(ball_target, tmp_path):
     run_fit(fit_of(ball_target, tmp_path, steps=2))
     with pytest.raises(InputError, match="belongs to a run of another configuration"):

@@ -43,6 +43,16 @@ def load_weights(module: nn.Module, tensors: Mapping[str, Tensor]) -> None:
     """Load weights into ``module``, after they were found to be what it has.
 
     Raises:
+        ValueError: as :func:`check_weights`.
+    """
+    check_weights(module, tensors)
+    module.load_state_dict(tensors)
+
+
+def check_weights(module: nn.Module, tensors: Mapping[str, Tensor]) -> None:
+    """Require that the weights ``tensors`` are what ``module`` has.
+
+    Raises:
         ValueError: a tensor is missing, unknown, or of another shape or type; the message names it.
     """
     own = module.state_dict()
@@ -50,7 +60,6 @@ def load_weights(module: nn.Module, tensors: Mapping[str, Tensor]) -> None:
         if name not in own or name not in tensors:
             raise ValueError(f"its tensor {name[:NAMED]!r} is {'missing' if name in own else 'unknown'}")
         check_like(name, tensors[name], own[name])
-    module.load_state_dict(tensors)
 
 
 def check_like(name: str, tensor: Tensor, own: Tensor) -> None:

@@ -13,6 +13,7 @@ import torch
 from torch import Tensor
 
 from surfsup import __version__
+from surfsup.checked.tensors import check_weights
 from surfsup.errors import InputError
 from surfsup.optim.checkpoint import CheckpointFiles, with_prefix, without_prefix
 from surfsup.optim.config import Count, Decay, NonNegative, NonNegativeInt, OptimizationConfig, Positive
@@ -112,6 +113,8 @@ class Fit(Run[Config, Model, torch.Generator]):
         """
         super().load_state(tensors, counters)
         self.best = without_prefix("best.", tensors)
+        if self.best:
+            check_weights(self.model, self.best)
 
     def provenance(self) -> dict[str, Any]:
         """The origin of the fitted network, for the header of its file."""

@@ -73,10 +73,13 @@ def fitted_surface(
     network.load_state_dict(fit.best or fit.model.state_dict())
     network.eval().requires_grad_(False)
     search_box = torch.tensor([[-SEARCH_REACH] * 3, [SEARCH_REACH] * 3])
+    no_inside = "the fit has no inside yet; continue it with --resume and more --time"
     try:
         mesh = polygonize(SirenSurface(network, search_box), resolution)
     except InputError:
-        raise NoInside("the fit has no inside yet; continue it with --resume and more --time") from None
+        raise NoInside(no_inside) from None
+    if not len(mesh.faces):  # of a network whose values are not finite
+        raise NoInside(no_inside)
     vertices = np.asarray(mesh.vertices)
     box = torch.tensor(np.stack([vertices.min(axis=0), vertices.max(axis=0)]))
     return SirenSurface(network, box, grid_around(mesh), fit.target.normalization, {**about, **fit.provenance()}), mesh
