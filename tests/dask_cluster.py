@@ -39,7 +39,7 @@ def cluster(tmp_path_factory):
     workers = []
     try:
         deadline = time.monotonic() + 60
-        while not address_file.exists() and time.monotonic() < deadline:
+        while not (address_file.exists() and address_file.stat().st_size) and time.monotonic() < deadline:
             time.sleep(0.05)
         running = Cluster(yaml.safe_load(address_file.read_text())["address"], folder, workers)
         running.add_worker()

@@ -1,3 +1,4 @@
+import signal
 import sys
 import time
 
@@ -14,6 +15,15 @@ class Fragile:
         raise self.error
 
 
+@pytest.fixture
+def handled_interrupts():
+    """Interrupts as a terminal has them; a program in the background would ignore them."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+@pytest.mark.usefixtures("handled_interrupts")
 def test_an_interrupt_in_a_destructor_comes_a_moment_later(monkeypatch, capsys):
     monkeypatch.setattr(sys, "unraisablehook", interrupt_once_more)
     with pytest.raises(KeyboardInterrupt):

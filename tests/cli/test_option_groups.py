@@ -53,6 +53,6 @@ def test_a_command_keeps_name_and_help_of_its_verb():
 
 def test_simulate_and_reference_take_the_same_scene_and_output():
     shared = [inspect.signature(expand_option_groups(verb)).parameters for verb in (simulate, reference)]
-    own = {"simulator_name", "device", "no_collisions", "resume"}, {"threads"}
+    own = {"simulator_name", "fast", "device", "no_collisions", "resume"}, {"threads"}
     assert set(shared[0]) - own[0] == set(shared[1]) - own[1]
     assert len(set(shared[0]) & set(shared[1])) == 22
