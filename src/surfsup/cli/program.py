@@ -80,7 +80,7 @@ def main() -> None:
         typer.echo(__version__)
         sys.exit(0)
     collect_less_garbage()
-    signal.signal(signal.SIGTERM, signal.default_int_handler)  # as Ctrl-C: what is done is kept, and the user is told
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # as Ctrl-C: a line says what is kept
     warnings.showwarning = one_line_warnings()
     sys.unraisablehook = interrupt_once_more
     report_activities(activity_lines)
