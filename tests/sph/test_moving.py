@@ -243,7 +243,8 @@ def test_a_closing_gap_squeezes_water_out_without_a_particle_inside():
             assert distances(simulation, frame, "press").min() > 0
             assert frame.positions[:, 2].min() > 0
     # The fastest has 25 to 56 m/s, by rounding, with different instruction sets; the mean is 5.5 to 6.4.
-    assert np.linalg.norm(frame.velocities, axis=1).mean() < 10
+    speeds = np.linalg.norm(frame.velocities, axis=1)
+    assert speeds.mean() < 10 and np.percentile(speeds, 99) < 30
 
 
 class TestAgainstMistakes:
